@@ -1,0 +1,80 @@
+"""The one seam of the program: given the motion of five bodies, what does the water do to each?
+
+`NoWater`, coefficients, CFD and networks all answer the same question once a macro step, so CFD-MBD and
+LSTM-MBD are the same program. Anyone's own flow code enters through the same five functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+import xarray as xr
+
+from exumob.environment import Water
+from exumob.states import Array, BodyStates
+from exumob.vehicle import Vehicle
+
+
+class Hydrodynamics(Protocol):
+    """A model of the water's load on the five bodies (`exumob.states.BODIES`)."""
+
+    def start(self, vehicle: Vehicle, water: Water | None, macro_step: float) -> None:
+        """Prepare for a run: called once before the first macro step, and again for every new run.
+
+        Parameters
+        ----------
+        vehicle : Vehicle
+        water : Water or None
+            None: no water.
+        macro_step : float
+            Interval between calls of `wrenches` [s].
+        """
+
+    def wrenches(self, history: BodyStates, predict: Callable[[], BodyStates]) -> Array:
+        """Loads for the macro step that begins now.
+
+        Parameters
+        ----------
+        history : BodyStates
+            States sampled every 1 ms up to and including now (the last row).
+        predict : callable
+            Returns the state at the end of the macro step (n = 1), extrapolated and projected on the constraints.
+            Computed when called: models that do not need it do not pay for it.
+
+        Returns
+        -------
+        array, shape (5, 6)
+            Force [N] and moment about the body's origin [N m] in each body's own axes.
+        """
+
+    def save(self) -> Any:
+        """Return the model's internal state (repeated macro steps, checkpoints)."""
+
+    def restore(self, saved: Any) -> None:
+        """Return to a state given by `save`."""
+
+    def record(self) -> dict[str, xr.DataArray]:
+        """What the model adds to the result (range flags, error bars, coupling iterations)."""
+
+
+class NoWater:
+    """Dry ground: no load on any body."""
+
+    def start(self, vehicle: Vehicle, water: Water | None, macro_step: float) -> None:
+        """Nothing to prepare."""
+
+    def wrenches(self, history: BodyStates, predict: Callable[[], BodyStates]) -> Array:
+        """Zeros, shape (5, 6)."""
+        return np.zeros((5, 6))
+
+    def save(self) -> None:
+        """No internal state."""
+
+    def restore(self, saved: None) -> None:
+        """No internal state."""
+
+    def record(self) -> dict[str, xr.DataArray]:
+        """Nothing to add."""
+        return {}
