@@ -6,9 +6,10 @@ SI units and radians throughout.
 
 from __future__ import annotations
 
+import difflib
 import math
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,238 @@ from exumob.checks import require_finite, require_positive, require_within
 
 GRAVITY = 9.81
 """Standard gravity used everywhere [m/s^2]; acts along -z of the world."""
+
+
+@dataclass(frozen=True)
+class Soil:
+    """Bekker-Wong parameters of a soil, SI units.
+
+    Normal pressure under a plate of width b that has sunk by z (``pressure_form``):
+
+    - ``"bekker"``: (k_c / b + k_phi) z^n, paper Eq. (3); k_c [N/m^(n+1)], k_phi [N/m^(n+2)].
+    - ``"reece"``: (k_c + k_phi b) (z / b)^n, Reece (1965) as in Wong & Reece (1967); k_c [Pa], k_phi [Pa/m].
+
+    Shear stress in the patch, paper Eq. (4) after Janosi & Hanamoto (1961), strength c + sigma tan(phi)
+    (``shear_limit``):
+
+    - ``"per_axis"``: longitudinal and lateral shear each reach the strength on their own (the paper).
+    - ``"resultant"``: their resultant reaches it, along the resultant shear displacement (Wong & Chiang, Proc. IMechE
+      D 215 (2001) 343, for skid steering); never more than the strength in any direction.
+
+    Parameters
+    ----------
+    k_c, k_phi : float
+        Pressure-sinkage moduli; their dimension depends on n and on `pressure_form`, see above. >= 0, not both 0.
+    n : float
+        Sinkage exponent [-], 0 < n <= 3.
+    cohesion : float
+        [Pa], >= 0.
+    friction_angle : float
+        Internal friction [rad], 0 <= phi < pi/2.
+    shear_modulus_x, shear_modulus_y : float
+        Shear deformation moduli K_x, K_y [m], > 0: the displacement that mobilises 63 % of the strength.
+    c1, c2 : float
+        Angle of maximum pressure (c1 + c2 |slip_ratio|) entry_angle [-]; both >= 0, c1 + c2 <= 1.
+    rebound_ratio : float
+        Elastic recovery of the sinkage behind the wheel over the sinkage, kappa [-], 0 to 1.
+    damping : float
+        Normal damping [s/m]: the pressure is multiplied by 1 + damping * (rate of sinkage), never below 0
+        (the form of Hunt & Crossley, J. Appl. Mech. 42 (1975) 440: no jump of the force at touch-down). The Bekker
+        pressure has no loss of its own; soil does. The default of 0.5 s/m is ours: a 2 kg wheel assembly (diameter
+        0.2 m, width 0.08 m) on LETE sand under 140 N is then damped at 20 % of critical.
+    name : str
+        For messages and results.
+    pressure_form, shear_limit : str
+        See above.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite or outside its range.
+    """
+
+    k_c: float
+    k_phi: float
+    n: float
+    cohesion: float
+    friction_angle: float
+    shear_modulus_x: float
+    shear_modulus_y: float
+    c1: float
+    c2: float
+    rebound_ratio: float = 0.0
+    damping: float = 0.5
+    name: str = ""
+    pressure_form: Literal["bekker", "reece"] = "bekker"
+    shear_limit: Literal["per_axis", "resultant"] = "per_axis"
+
+    def __post_init__(self) -> None:
+        require_within("Soil", 0.0, 1.0e12, k_c=self.k_c, k_phi=self.k_phi)
+        require_positive("Soil", n=self.n)
+        require_within("Soil", 0.0, 3.0, "published exponents lie between 0.1 and 1.7.", n=self.n)
+        require_within("Soil", 0.0, 1.0e8, cohesion=self.cohesion)
+        require_within(
+            "Soil", 0.0, math.radians(80.0), "give the angle in radians: math.radians(degrees).",
+            friction_angle=self.friction_angle,
+        )  # fmt: skip
+        require_positive("Soil", shear_modulus_x=self.shear_modulus_x, shear_modulus_y=self.shear_modulus_y)
+        require_within("Soil", 0.0, 1.0, c1=self.c1, c2=self.c2, rebound_ratio=self.rebound_ratio)
+        require_within("Soil", 0.0, 1.0e3, damping=self.damping)
+        if self.k_c == 0.0 and self.k_phi == 0.0:
+            raise ValueError("Soil.k_c = 0 and Soil.k_phi = 0: such a soil carries no load; give at least one of them > 0.")
+        if self.c1 + self.c2 > 1.0 + 1e-12:
+            raise ValueError(
+                f"Soil.c1 + Soil.c2 = {self.c1 + self.c2:g} must be <= 1: at full slip the maximum pressure would lie "
+                "ahead of the entry angle; published pairs are (0.43, 0.32), (0.18, 0.32), (0.3, 0.4), (0.4, 0.15)."
+            )
+        if self.pressure_form not in ("bekker", "reece"):
+            raise ValueError(f"Soil.pressure_form = {self.pressure_form!r} is not known; use 'bekker' or 'reece'.")
+        if self.shear_limit not in ("per_axis", "resultant"):
+            raise ValueError(f"Soil.shear_limit = {self.shear_limit!r} is not known; use 'per_axis' or 'resultant'.")
+
+    def pressure(self, sinkage: float, width: float) -> float:
+        """Pressure under a flat plate [Pa].
+
+        Parameters
+        ----------
+        sinkage : float
+            [m], >= 0.
+        width : float
+            Smaller side of the plate [m], > 0.
+        """
+        require_positive("plate", width=width)
+        require_within("plate", 0.0, math.inf, "a plate that does not touch has no pressure.", sinkage=sinkage)
+        if self.pressure_form == "reece":
+            return (self.k_c + self.k_phi * width) * (sinkage / width) ** self.n
+        return (self.k_c / width + self.k_phi) * sinkage**self.n
+
+    def as_array(self) -> NDArray[np.float64]:
+        """Parameters packed for `exumob.terramechanics.wheel_soil_kernel`, shape (13,)."""
+        return np.array(
+            [
+                self.k_c, self.k_phi, self.n, self.cohesion, math.tan(self.friction_angle), self.shear_modulus_x,
+                self.shear_modulus_y, self.c1, self.c2, self.rebound_ratio, self.damping,
+                float(self.pressure_form == "reece"), float(self.shear_limit == "resultant"),
+            ]
+        )  # fmt: skip
+
+    @classmethod
+    def published(cls, name: str) -> Soil:
+        """One of the 23 soils of `published_soils`, by its name in the table.
+
+        Raises
+        ------
+        ValueError
+            If no soil has this name; the message lists the nearest names.
+        """
+        for row in _PUBLISHED:
+            if row.name.casefold() == name.strip().casefold():
+                return row.soil
+        known = [row.name for row in _PUBLISHED]
+        lowered = {entry.casefold(): entry for entry in known}
+        wanted = name.strip().casefold()
+        near = [lowered[key] for key in difflib.get_close_matches(wanted, lowered, n=5, cutoff=0.4)]
+        near += [entry for key, entry in lowered.items() if wanted and wanted in key and entry not in near]
+        raise ValueError(
+            f"Soil.published: no soil is called {name!r}; "
+            + (f"did you mean {', '.join(map(repr, near))}?" if near else f"the table holds {', '.join(map(repr, known))}.")
+        )
+
+    @staticmethod
+    def published_table() -> tuple[PublishedSoil, ...]:
+        """All published soils with the provenance of every value, in the order of the source."""
+        return _PUBLISHED
+
+
+class PublishedSoil(NamedTuple):
+    """A row of the table of published soils."""
+
+    name: str
+    soil: Soil
+    shear_modulus_published: bool
+    """True: K stands in the source; False: chosen by the rule in `source`"""
+    source: str
+    """Where each value comes from, in words"""
+
+
+WONG_TABLE = """\
+Dry sand (Land Locomotion Lab)  | 1.10 |   0.99 | 1528.43 |  1.04 | 28.0 |       | loose sand
+Sandy loam 15 %                 | 0.70 |   5.27 | 1515.04 |  1.72 | 29.0 |       | firm loam
+Sandy loam 22 %                 | 0.20 |   2.56 |   43.12 |  1.38 | 38.0 |       | firm loam
+Sandy loam 11 %                 | 0.90 |  52.53 | 1127.97 |  4.83 | 20.0 |       | firm loam
+Sandy loam 23 %                 | 0.40 |  11.42 |  808.96 |  9.65 | 35.0 |       | firm loam
+Sandy loam 26 %                 | 0.30 |   2.79 |  141.11 | 13.79 | 22.0 |       | firm loam
+Sandy loam 32 %                 | 0.50 |   0.77 |   51.91 |  5.17 | 11.0 |       | firm loam
+Clayey soil 38 %                | 0.50 |  13.19 |  692.15 |  4.14 | 13.0 |       | clay
+Clayey soil 55 %                | 0.70 |  16.03 | 1262.53 |  2.07 | 10.0 |       | clay
+Heavy clay 25 %                 | 0.13 |  12.70 | 1555.95 | 68.95 | 34.0 |       | clay
+Heavy clay 40 %                 | 0.11 |   1.84 |  103.27 | 20.69 |  6.0 |       | clay
+Lean clay 22 %                  | 0.20 |  16.43 | 1724.69 | 68.95 | 20.0 |       | clay
+Lean clay 32 %                  | 0.15 |   1.52 |  119.61 | 13.79 | 11.0 |       | clay
+LETE sand                       | 0.79 | 102.00 | 5301.00 |  1.30 | 31.1 | 0.012 | loose sand
+Upland sandy loam 51 %          | 1.10 |  74.60 | 2080.00 |  3.30 | 33.7 |       | firm loam
+Rubicon sandy loam 43 %         | 0.66 |   6.90 |  752.00 |  3.70 | 29.8 |       | firm loam
+North Gower clayey loam 46 %    | 0.73 |  41.60 | 2471.00 |  6.10 | 26.6 |       | firm loam
+Grenville loam 24 %             | 1.01 |   0.06 | 5880.00 |  3.10 | 29.8 |       | firm loam
+Snow (US)                       | 1.60 |   4.37 |  196.72 |  1.03 | 19.7 |       | snow
+Snow (Harrison)                 | 1.60 |   2.49 |  245.90 |  0.62 | 23.2 |       | snow
+Snow (Sweden)                   | 1.44 |  10.55 |   66.08 |  6.00 | 20.7 |       | snow
+DLR Mars simulant               | 0.80 |   5.79 |  180.00 |  0.30 | 17.8 | 0.010 | planetary
+Lunar soil                      | 1.00 |   1.40 |  820.00 |  0.17 | 35.0 | 0.010 | planetary
+"""
+"""Wong, Theory of Ground Vehicles, table of terrain values, and the two planetary soils in common use.
+
+Columns: name (per cent: moisture), n [-], k_c [kN/m^(n+1)], k_phi [kN/m^(n+2)], cohesion [kPa], friction angle [deg],
+shear deformation modulus K [m] where published, class (ours) that chooses what is not published.
+"""
+
+SOIL_CLASSES = {
+    # class: (K [m], c1, c2, why)
+    "loose sand": (
+        0.025, 0.18, 0.32, "K of loose sand (Wong, Theory of Ground Vehicles); c1, c2 of loose sand (Wong & Reece 1967)"
+    ),
+    "firm loam": (
+        0.010, 0.43, 0.32,
+        "K of firm sandy terrain (Wong, Theory of Ground Vehicles); c1, c2 of compact sand (Wong & Reece 1967)",
+    ),
+    "clay": (
+        0.006, 0.43, 0.32, "K of clay (Wong, Theory of Ground Vehicles); c1, c2 as used for lean clay in the literature"
+    ),
+    "snow": (
+        0.0375, 0.18, 0.32,
+        "K in the middle of 25 to 50 mm for fresh snow (Wong, Theory of Ground Vehicles); c1, c2 published for no snow: "
+        "those of loose sand, the other very compressible ground",
+    ),
+    "planetary": (0.010, 0.40, 0.15, "c1, c2 after Ishigami et al. (J. Field Robotics 24 (2007) 233)"),
+}  # fmt: skip
+"""What a soil gets where its source is silent; (c1, c2) are published for none of the 23 soils themselves."""
+
+
+def _kilo(text: str) -> float:
+    return round(1e3 * float(text), 6)
+
+
+def _published() -> tuple[PublishedSoil, ...]:
+    rows = []
+    for line in WONG_TABLE.splitlines():
+        name, n, k_c, k_phi, cohesion, friction, modulus, kind = (cell.strip() for cell in line.split("|"))
+        default_modulus, c1, c2, why = SOIL_CLASSES[kind]
+        shear_modulus = float(modulus) if modulus else default_modulus
+        soil = Soil(
+            k_c=_kilo(k_c), k_phi=_kilo(k_phi), n=float(n), cohesion=_kilo(cohesion),
+            friction_angle=math.radians(float(friction)), shear_modulus_x=shear_modulus, shear_modulus_y=shear_modulus,
+            c1=c1, c2=c2, name=name,
+        )  # fmt: skip
+        if modulus and "; " in why:
+            why = why.split("; ", 1)[1]
+        source = (
+            f"n, k_c, k_phi, c, phi{', K' if modulus else ''}: published; class {kind!r}: {why}; K_y = K_x, no rebound (ours)"
+        )
+        rows.append(PublishedSoil(name, soil, bool(modulus), source))
+    return tuple(rows)
+
+
+_PUBLISHED = _published()
 
 
 @dataclass(frozen=True)
