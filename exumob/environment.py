@@ -55,7 +55,7 @@ class Soil:
     damping : float
         Normal damping [s/m]: the pressure is multiplied by 1 + damping * (rate of sinkage), never below 0
         (the form of Hunt & Crossley, J. Appl. Mech. 42 (1975) 440: no jump of the force at touch-down). The Bekker
-        pressure has no loss of its own; soil does. The default of 0.5 s/m is ours: a 2 kg wheel assembly (diameter
+        pressure has no loss of its own; soil does. The default of 0.8 s/m is ours: a 2 kg wheel assembly (diameter
         0.2 m, width 0.08 m) on LETE sand under 140 N is then damped at 20 % of critical.
     name : str
         For messages and results.
@@ -78,7 +78,7 @@ class Soil:
     c1: float
     c2: float
     rebound_ratio: float = 0.0
-    damping: float = 0.5
+    damping: float = 0.8
     name: str = ""
     pressure_form: Literal["bekker", "reece"] = "bekker"
     shear_limit: Literal["per_axis", "resultant"] = "per_axis"

@@ -1,0 +1,299 @@
+"""Forces of deformable soil on a rigid wheel: Bekker-Wong stresses, paper Eqs. (3) to (5) and Fig. 1.
+
+Frame: the wheel's horizontal heading frame, x along the heading, y left, z up. Angles theta on the rim are measured at
+the wheel centre from the downward vertical, positive towards the direction of travel; the rim point at theta lies at
+r (sin theta, 0, -cos theta). Sinkage is positive down. Forces act on the wheel; moments are about the wheel centre.
+A positive angular velocity rolls the wheel forward.
+
+Contact patch (Wong & Reece, J. Terramechanics 4 (1967) 81), z the sinkage, kappa the rebound ratio:
+    theta_f = arccos(1 - z / r)         entry
+    theta_r = -arccos(1 - kappa z / r)  exit
+    theta_m = (c1 + c2 |s|) theta_f     maximum pressure
+
+Shear displacement: the sliding velocity integrated along the rim from where the soil meets it,
+    rim enters in front (omega > 0):   j_x = r (theta_f - theta) - (v_x / omega) (sin theta_f - sin theta)
+                                       j_y = -(v_y / omega) (theta_f - theta)
+    rim enters behind (omega < 0):     the same from theta_r, with |omega|.
+
+These hold for a wheel that travels forward (v_x > 0); backward travel is the mirror image. Three small bands of width
+set by `standstill_rate` w0 join the branches, and outside them nothing is altered:
+    |omega| < w0      1 / |omega| is replaced by 2 w0 / (omega^2 + w0^2), and the two entries are blended: a locked wheel;
+    |v_x| < r w0      travel forward and backward are blended: a wheel that stands still has a symmetric patch;
+    both              the slip ratio fades to 0.
+So the force is continuous in all arguments and Lipschitz in the velocities: driving, braking, skid, locked, reverse, pure
+side slip and standing still need no cases of their own. At rest, shear resists as a viscous creep: a wheel that carries a
+tangential load moves at a small fraction of r w0. Its steepest slope, strength times patch length over (K w0), is what a
+time integrator feels at standstill; raise w0 if the steps are long.
+
+Known limits of the method: it is quasi-static and has no memory (no rut, no multi-pass, unloading follows loading); no slip
+sinkage but through the shear's vertical component; no bulldozing at the side wall; flat-plate pressures overestimate the
+support of wheels below about 0.5 m diameter (Meirion-Griffith & Spenko, J. Terramechanics 48 (2011) 149).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from exumob.checks import require_finite, require_positive
+from exumob.environment import Soil
+
+Array = NDArray[np.float64]
+
+NODES = 18
+"""Gauss-Legendre nodes in each of the two regions of Eq. (3)."""
+
+CLUSTERING = 3
+"""Nodes at distance t^CLUSTERING from the ends of the patch, t in (0, 1): resolves thin shear layers and z^n there."""
+
+
+def _clustered_nodes(count: int, power: int) -> tuple[Array, Array]:
+    """Nodes t^p and weights p t^(p-1) w_t on (0, 1)."""
+    t, weight = np.polynomial.legendre.leggauss(count)
+    t = 0.5 * (t + 1.0)
+    return t**power, 0.5 * weight * power * t ** (power - 1)
+
+
+_POSITION, _WEIGHT = _clustered_nodes(NODES, CLUSTERING)
+
+FORCE_X, FORCE_Y, FORCE_Z, MOMENT_X, MOMENT_Y, MOMENT_Z = range(6)
+DRIVING_TORQUE, SLIP_RATIO, ENTRY_ANGLE, EXIT_ANGLE, MAXIMUM_PRESSURE_ANGLE, IN_CONTACT = range(6, 12)
+
+
+@njit(cache=True, error_model="numpy")
+def _smooth_step(x: float) -> float:
+    """0 for x <= -1, 1 for x >= 1, C2 in between."""
+    if x <= -1.0:
+        return 0.0
+    if x >= 1.0:
+        return 1.0
+    t = 0.5 * (x + 1.0)
+    return t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
+
+
+@njit(cache=True, error_model="numpy")
+def slip_ratio(rim_speed: float, v_x: float, standstill_speed: float) -> float:
+    """Slip ratio: (r omega - v_x) / (r omega) driving, (r omega - v_x) / v_x braking, within [-1, 1].
+
+    Driving means |r omega| > |v_x|. Where rim and wheel move against each other the ratio is clipped to 1 or -1. It is 0
+    at standstill and continuous, except for its sign (not its magnitude, on which the stresses depend) where r omega = -v_x.
+
+    Parameters
+    ----------
+    rim_speed : float
+        r omega [m/s].
+    v_x : float
+        Speed of the wheel centre along the heading [m/s].
+    standstill_speed : float
+        Below it the ratio fades to 0 [m/s].
+    """
+    faster = max(abs(rim_speed), abs(v_x))
+    if faster < standstill_speed:
+        denominator = (faster * faster + standstill_speed * standstill_speed) / (2.0 * standstill_speed)
+    else:
+        denominator = faster
+    slip = min(1.0, abs(rim_speed - v_x) / denominator)
+    return slip if abs(rim_speed) > abs(v_x) else -slip
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"})
+def _add_patch_forces(soil, radius, width, theta_f, theta_r, theta_m, pressure_factor, v_x, v_y, omega, rate, share, mirror, out):  # type: ignore[no-untyped-def]  # noqa: E501
+    """Add `share` of the patch forces of a wheel in forward travel; mirror = -1: of its fore-aft mirror image."""
+    n, cohesion, tan_phi, modulus_x, modulus_y = soil[2], soil[3], soil[4], soil[5], soil[6]
+    resultant = soil[12] != 0.0
+
+    speed = abs(omega)
+    if speed < rate:
+        speed = (speed * speed + rate * rate) / (2.0 * rate)
+    front_entry = _smooth_step(omega / rate)
+    rear_entry = 1.0 - front_entry
+    # displacements over K, as factors of arc angle and of sine difference between entry and theta
+    sin_f, sin_r, cos_f = math.sin(theta_f), math.sin(theta_r), math.cos(theta_f)
+    x_angle = radius * omega / (speed * modulus_x)
+    x_sine = -v_x / (speed * modulus_x)
+    y_angle = -v_y / (speed * modulus_y)
+
+    front, rear = theta_f - theta_m, theta_m - theta_r
+    force_x = force_y = force_z = torque = moment_x = moment_z = 0.0
+    for k in range(_POSITION.size):
+        distance = _POSITION[k]
+        pressure = 0.0
+        for region in range(2):
+            if region == 0:
+                from_f = front * distance
+                theta = theta_f - from_f
+                from_r = theta - theta_r
+                length = _WEIGHT[k] * front
+            else:
+                from_r = rear * distance
+                theta = theta_r + from_r
+                from_f = theta_f - theta
+                length = _WEIGHT[k] * rear
+            sin_t, cos_t = math.sin(theta), math.cos(theta)
+            if region == 0:
+                # Eq. (3); its second line takes the same values at the mirrored nodes of the rear region
+                pressure = pressure_factor * max(cos_t - cos_f, 0.0) ** n
+            strength = cohesion + tan_phi * pressure
+            displacement_x = x_angle * (front_entry * from_f + rear_entry * from_r) + x_sine * (
+                front_entry * (sin_f - sin_t) + rear_entry * (sin_t - sin_r)
+            )
+            displacement_y = y_angle * (front_entry * from_f + rear_entry * from_r)
+            if resultant:
+                total = math.sqrt(displacement_x * displacement_x + displacement_y * displacement_y)
+                mobilised = strength if total < 1e-12 else strength * (1.0 - math.exp(-total)) / total
+                shear_x, shear_y = mobilised * displacement_x, mobilised * displacement_y
+            else:
+                shear_x = math.copysign(strength * (1.0 - math.exp(-abs(displacement_x))), displacement_x)
+                shear_y = math.copysign(strength * (1.0 - math.exp(-abs(displacement_y))), displacement_y)
+            force_x += length * (shear_x * cos_t - pressure * sin_t)
+            force_y += length * shear_y
+            force_z += length * (shear_x * sin_t + pressure * cos_t)
+            torque += length * shear_x
+            moment_x += length * shear_y * cos_t
+            moment_z += length * shear_y * sin_t
+
+    area = share * radius * width
+    out[FORCE_X] += mirror * area * force_x
+    out[FORCE_Y] += area * force_y
+    out[FORCE_Z] += area * force_z
+    out[MOMENT_X] += area * radius * moment_x
+    out[MOMENT_Y] -= mirror * area * radius * torque
+    out[MOMENT_Z] += mirror * area * radius * moment_z
+
+
+@njit(cache=True, error_model="numpy")
+def wheel_soil_kernel(soil, radius, width, sinkage, v_x, v_y, v_z, omega, standstill_rate, out):  # type: ignore[no-untyped-def]  # noqa: E501
+    """Forces of the soil on one wheel, for use inside other compiled functions; `wheel_soil_forces` explains it.
+
+    Checks nothing: a sinkage of a radius or more is treated as one radius, NaN gives NaN, and the caller must look.
+
+    Parameters
+    ----------
+    soil : array, shape (13,)
+        `Soil.as_array()`.
+    radius, width, sinkage : float
+        [m]; sinkage <= 0: no contact, all results 0.
+    v_x, v_y, v_z : float
+        Velocity of the wheel centre in the heading frame [m/s].
+    omega : float
+        Spin [rad/s], positive rolls forward.
+    standstill_rate : float
+        w0 [rad/s], > 0.
+    out : array, shape (12,)
+        Filled with force [N] (3), moment [N m] (3), driving torque [N m], slip ratio [-], entry, exit and maximum-pressure
+        angle [rad] (positive towards the direction of travel), and 1.0 in contact or 0.0.
+    """
+    out[:] = 0.0
+    if sinkage <= 0.0:
+        return
+    depth = min(sinkage / radius, 1.0)
+    if math.isnan(sinkage):
+        depth = sinkage
+    slip = slip_ratio(radius * omega, v_x, radius * standstill_rate)
+    theta_f = 2.0 * math.asin(math.sqrt(0.5 * depth))
+    theta_r = -2.0 * math.asin(math.sqrt(0.5 * soil[9] * depth))
+    theta_m = (soil[7] + soil[8] * abs(slip)) * theta_f
+    if soil[11] != 0.0:
+        pressure_factor = (soil[0] + soil[1] * width) * (radius / width) ** soil[2]
+    else:
+        pressure_factor = (soil[0] / width + soil[1]) * radius ** soil[2]
+    pressure_factor *= max(0.0, 1.0 - soil[10] * v_z)
+
+    forward = _smooth_step(v_x / (radius * standstill_rate))
+    if forward > 0.0:
+        _add_patch_forces(
+            soil, radius, width, theta_f, theta_r, theta_m, pressure_factor, v_x, v_y, omega, standstill_rate,
+            forward, 1.0, out,
+        )  # fmt: skip
+    if forward < 1.0:
+        _add_patch_forces(
+            soil, radius, width, theta_f, theta_r, theta_m, pressure_factor, -v_x, v_y, -omega, standstill_rate,
+            1.0 - forward, -1.0, out,
+        )  # fmt: skip
+    out[DRIVING_TORQUE] = -out[MOMENT_Y]
+    out[SLIP_RATIO] = slip
+    out[ENTRY_ANGLE] = theta_f
+    out[EXIT_ANGLE] = theta_r
+    out[MAXIMUM_PRESSURE_ANGLE] = theta_m
+    out[IN_CONTACT] = 1.0
+
+
+@dataclass(frozen=True)
+class WheelSoilForces:
+    """What the soil does to one wheel, in the wheel's horizontal heading frame (x heading, y left, z up)."""
+
+    force: Array
+    """On the wheel [N], shape (3,)"""
+    moment: Array
+    """About the wheel centre [N m], shape (3,): overturning, -driving_torque, aligning"""
+    driving_torque: float
+    """That the axle must apply to keep the spin, r^2 b times the integral of tau_x [N m]"""
+    slip_ratio: float
+    """[-], > 0 driving, < 0 braking, in [-1, 1]"""
+    entry_angle: float
+    """[rad], from the downward vertical, positive towards the direction of travel"""
+    exit_angle: float
+    """[rad], <= 0"""
+    maximum_pressure_angle: float
+    """[rad]"""
+
+
+def wheel_soil_forces(
+    soil: Soil,
+    wheel_radius: float,
+    wheel_width: float,
+    sinkage: float,
+    velocity: ArrayLike,
+    angular_velocity: float,
+    *,
+    standstill_rate: float = 0.01,
+) -> WheelSoilForces:
+    """Force, moment and driving torque of the soil on a rigid wheel, paper Eqs. (3) to (5).
+
+    Parameters
+    ----------
+    soil : Soil
+    wheel_radius, wheel_width : float
+        [m], > 0.
+    sinkage : float
+        Of the lowest rim point below the undisturbed surface [m], < wheel_radius; <= 0: lifted off, all results 0.
+    velocity : array_like, shape (3,)
+        Of the wheel centre in its horizontal heading frame [m/s].
+    angular_velocity : float
+        Spin [rad/s], positive rolls forward (about +y).
+    standstill_rate : float
+        Below this spin [rad/s], and below a speed of wheel_radius * standstill_rate, the regimes are joined smoothly.
+
+    Returns
+    -------
+    WheelSoilForces
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite, a size is not positive, or the wheel is sunk to its centre or deeper.
+    """
+    require_positive("wheel", wheel_radius=wheel_radius, wheel_width=wheel_width, standstill_rate=standstill_rate)
+    require_finite("wheel", sinkage=sinkage, angular_velocity=angular_velocity)
+    v = np.asarray(velocity, dtype=float)
+    if v.shape != (3,):
+        raise ValueError(f"wheel.velocity has shape {v.shape}; give (v_x, v_y, v_z) of the wheel centre in m/s.")
+    if not np.isfinite(v).all():
+        raise ValueError(f"wheel.velocity = {v} is not finite; give (v_x, v_y, v_z) in m/s.")
+    if sinkage >= wheel_radius:
+        raise ValueError(
+            f"wheel.sinkage = {sinkage:g} m reaches the wheel centre (radius {wheel_radius:g} m), where Bekker-Wong ends; "
+            "use a firmer soil, a larger or wider wheel, or less load."
+        )
+    out = np.empty(12)
+    wheel_soil_kernel(
+        soil.as_array(), float(wheel_radius), float(wheel_width), float(sinkage), v[0], v[1], v[2],
+        float(angular_velocity), float(standstill_rate), out,
+    )  # fmt: skip
+    return WheelSoilForces(
+        out[:3].copy(), out[3:6].copy(), *(float(x) for x in out[DRIVING_TORQUE : MAXIMUM_PRESSURE_ANGLE + 1])
+    )
