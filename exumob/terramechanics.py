@@ -44,7 +44,7 @@ from exumob.environment import Soil
 
 Array = NDArray[np.float64]
 
-NODES = 18
+NODES = 16
 """Gauss-Legendre nodes in each of the two regions of Eq. (3)."""
 
 CLUSTERING = 3
@@ -100,6 +100,78 @@ def slip_ratio(rim_speed: float, v_x: float, standstill_speed: float) -> float:
     return slip if abs(rim_speed) > abs(v_x) else -slip
 
 
+@njit(cache=True, error_model="numpy")
+def _sign_change(g_0: float, g_1: float, g_2: float, low: float, high: float) -> float:
+    """Root of g_0 + g_1 theta + g_2 sin(theta), monotonic in (low, high); NaN if it has none there."""
+    g_low = g_0 + g_1 * low + g_2 * math.sin(low)
+    g_high = g_0 + g_1 * high + g_2 * math.sin(high)
+    noise = 1e-13 * (abs(g_0) + abs(g_1) + abs(g_2))
+    if not (low < high and g_low * g_high < 0.0 and min(abs(g_low), abs(g_high)) > noise):
+        return math.nan
+    theta = 0.5 * (low + high)
+    for _ in range(40):
+        g = g_0 + g_1 * theta + g_2 * math.sin(theta)
+        if g * g_low > 0.0:
+            low = theta
+        else:
+            high = theta
+        step = theta - g / (g_1 + g_2 * math.cos(theta))
+        if not low < step < high:
+            step = 0.5 * (low + high)
+        if abs(step - theta) < 1e-7:
+            return step
+        theta = step
+    return theta
+
+
+@njit(cache=True, error_model="numpy")
+def _shear_reversal(g_0: float, g_1: float, g_2: float, theta_r: float, theta_f: float) -> float:
+    """Where in the patch the longitudinal shear displacement changes its sign (a braked wheel); NaN if nowhere."""
+    if abs(g_1) >= abs(g_2):
+        return _sign_change(g_0, g_1, g_2, theta_r, theta_f)
+    turn = math.acos(-g_1 / g_2)
+    theta = _sign_change(g_0, g_1, g_2, max(theta_r, -turn), min(theta_f, turn))
+    if math.isnan(theta):
+        theta = _sign_change(g_0, g_1, g_2, turn, theta_f)
+    if math.isnan(theta):
+        theta = _sign_change(g_0, g_1, g_2, theta_r, -turn)
+    return theta
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"}, inline="always")
+def _sine(x: float) -> float:
+    """Taylor series, error below 1e-11 for |x| <= pi/2; without a call, so that the loop over the patch vectorises."""
+    y = x * x
+    s = 1.0 - y / 210.0 * (1.0 - y / 272.0)
+    s = 1.0 - y / 42.0 * (1.0 - y / 72.0 * (1.0 - y / 110.0 * (1.0 - y / 156.0 * s)))
+    return x * (1.0 - y / 6.0 * (1.0 - y / 20.0 * s))
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"}, inline="always")
+def _cosine(x: float) -> float:
+    """As `_sine`."""
+    y = x * x
+    s = 1.0 - y / 182.0 * (1.0 - y / 240.0 * (1.0 - y / 306.0))
+    s = 1.0 - y / 30.0 * (1.0 - y / 56.0 * (1.0 - y / 90.0 * (1.0 - y / 132.0 * s)))
+    return 1.0 - y / 2.0 * (1.0 - y / 12.0 * s)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"}, inline="always")
+def _mobilised(x: float) -> float:
+    """Shear stress over strength, sign(x) (1 - exp(-|x|)) of Eq. (4), error below 1e-10; vectorises as `_sine`."""
+    a = abs(x)
+    y = (40.0 if a > 40.0 else a) / -64.0
+    e = 1.0 + y / 6.0 * (1.0 + y / 7.0 * (1.0 + y / 8.0 * (1.0 + y / 9.0)))
+    e = 1.0 + y * (1.0 + y / 2.0 * (1.0 + y / 3.0 * (1.0 + y / 4.0 * (1.0 + y / 5.0 * e))))
+    e = e * e
+    e = e * e
+    e = e * e
+    e = e * e
+    e = e * e
+    e = e * e
+    return math.copysign(1.0 - e, x)
+
+
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"})
 def _add_patch_forces(soil, radius, width, theta_f, theta_r, theta_m, pressure_factor, v_x, v_y, omega, rate, share, mirror, out):  # type: ignore[no-untyped-def]  # noqa: E501
     """Add `share` of the patch forces of a wheel in forward travel; mirror = -1: of its fore-aft mirror image."""
@@ -109,52 +181,57 @@ def _add_patch_forces(soil, radius, width, theta_f, theta_r, theta_m, pressure_f
     speed = abs(omega)
     if speed < rate:
         speed = (speed * speed + rate * rate) / (2.0 * rate)
-    front_entry = _smooth_step(omega / rate)
-    rear_entry = 1.0 - front_entry
-    # displacements over K, as factors of arc angle and of sine difference between entry and theta
+    enters_front = _smooth_step(omega / rate)
+    enters_behind = 1.0 - enters_front
+    # Displacements over K: j_x / K_x = x_0 + x_1 theta + x_2 sin(theta), j_y / K_y = y_0 + y_1 theta
     sin_f, sin_r, cos_f = math.sin(theta_f), math.sin(theta_r), math.cos(theta_f)
-    x_angle = radius * omega / (speed * modulus_x)
-    x_sine = -v_x / (speed * modulus_x)
-    y_angle = -v_y / (speed * modulus_y)
+    arc = enters_front * theta_f - enters_behind * theta_r
+    turn = enters_behind - enters_front
+    x_1 = turn * radius * omega / (speed * modulus_x)
+    x_2 = -turn * v_x / (speed * modulus_x)
+    x_0 = (radius * omega * arc - v_x * (enters_front * sin_f - enters_behind * sin_r)) / (speed * modulus_x)
+    y_1 = -turn * v_y / (speed * modulus_y)
+    y_0 = -v_y * arc / (speed * modulus_y)
 
+    # u in (0, 1) runs from either end of the patch to theta_m; Eq. (3) gives both regions the same pressure at equal u.
+    # A kink of the shear stress (reversal of j_x) is made an end of an integration interval.
     front, rear = theta_f - theta_m, theta_m - theta_r
+    kink = _shear_reversal(x_0, x_1, x_2, theta_r, theta_f)
+    split = 1.0
+    if kink > theta_m:
+        split = (theta_f - kink) / front
+    elif kink <= theta_m:
+        split = (kink - theta_r) / rear
     force_x = force_y = force_z = torque = moment_x = moment_z = 0.0
-    for k in range(_POSITION.size):
-        distance = _POSITION[k]
-        pressure = 0.0
+    pressures = np.empty(NODES)
+    for part in range(2 if split < 1.0 else 1):
+        start = 0.0 if part == 0 else split
+        extent = split if part == 0 else 1.0 - split
+        for k in range(NODES):
+            pressures[k] = pressure_factor * max(_cosine(theta_f - front * (start + extent * _POSITION[k])) - cos_f, 0.0) ** n
         for region in range(2):
-            if region == 0:
-                from_f = front * distance
-                theta = theta_f - from_f
-                from_r = theta - theta_r
-                length = _WEIGHT[k] * front
-            else:
-                from_r = rear * distance
-                theta = theta_r + from_r
-                from_f = theta_f - theta
-                length = _WEIGHT[k] * rear
-            sin_t, cos_t = math.sin(theta), math.cos(theta)
-            if region == 0:
-                # Eq. (3); its second line takes the same values at the mirrored nodes of the rear region
-                pressure = pressure_factor * max(cos_t - cos_f, 0.0) ** n
-            strength = cohesion + tan_phi * pressure
-            displacement_x = x_angle * (front_entry * from_f + rear_entry * from_r) + x_sine * (
-                front_entry * (sin_f - sin_t) + rear_entry * (sin_t - sin_r)
-            )
-            displacement_y = y_angle * (front_entry * from_f + rear_entry * from_r)
-            if resultant:
-                total = math.sqrt(displacement_x * displacement_x + displacement_y * displacement_y)
-                mobilised = strength if total < 1e-12 else strength * (1.0 - math.exp(-total)) / total
-                shear_x, shear_y = mobilised * displacement_x, mobilised * displacement_y
-            else:
-                shear_x = math.copysign(strength * (1.0 - math.exp(-abs(displacement_x))), displacement_x)
-                shear_y = math.copysign(strength * (1.0 - math.exp(-abs(displacement_y))), displacement_y)
-            force_x += length * (shear_x * cos_t - pressure * sin_t)
-            force_y += length * shear_y
-            force_z += length * (shear_x * sin_t + pressure * cos_t)
-            torque += length * shear_x
-            moment_x += length * shear_y * cos_t
-            moment_z += length * shear_y * sin_t
+            theta_0 = theta_f - front * start if region == 0 else theta_r + rear * start
+            span = (-front if region == 0 else rear) * extent
+            for k in range(NODES):
+                theta = theta_0 + span * _POSITION[k]
+                length = abs(span) * _WEIGHT[k]
+                sin_t, cos_t = _sine(theta), _cosine(theta)
+                pressure = pressures[k]
+                strength = cohesion + tan_phi * pressure
+                displacement_x = x_0 + x_1 * theta + x_2 * sin_t
+                displacement_y = y_0 + y_1 * theta
+                if resultant:
+                    total = math.sqrt(displacement_x * displacement_x + displacement_y * displacement_y) + 1e-300
+                    shear = strength * _mobilised(total) / total
+                    shear_x, shear_y = shear * displacement_x, shear * displacement_y
+                else:
+                    shear_x, shear_y = strength * _mobilised(displacement_x), strength * _mobilised(displacement_y)
+                force_x += length * (shear_x * cos_t - pressure * sin_t)
+                force_y += length * shear_y
+                force_z += length * (shear_x * sin_t + pressure * cos_t)
+                torque += length * shear_x
+                moment_x += length * shear_y * cos_t
+                moment_z += length * shear_y * sin_t
 
     area = share * radius * width
     out[FORCE_X] += mirror * area * force_x
