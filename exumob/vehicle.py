@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from exumob.checks import require_finite, require_positive, require_within
 
 Array = NDArray[np.float64]
+Motion = tuple[float, float, float]
+"""A value and its first and second time derivatives."""
 
 
 @dataclass(frozen=True)
@@ -251,37 +253,34 @@ class Vehicle:
         x, y, z = 0.5 * self.wheelbase, 0.5 * self.track, self.wheel.radius
         return np.array([[x, y, z], [x, -y, z], [-x, y, z], [-x, -y, z]])
 
-    def steering_angles(self, command: Array) -> Array:
+    def steering_angles(self, command: Motion) -> tuple[Motion, Motion]:
         """Angles of the front-left and front-right wheel for a command and its time derivatives.
 
         Parameters
         ----------
-        command : array, shape (3,)
+        command : (float, float, float)
             Mean front-wheel angle [rad], its rate [rad/s] and acceleration [rad/s^2].
 
         Returns
         -------
-        array, shape (2, 3)
+        two times (float, float, float)
             The same three for the left and the right wheel; positive turns to the left.
         """
         if self.steering.geometry == "parallel":
-            return np.tile(command, (2, 1))
-        angles = np.empty((2, 3))
-        for side, sign in enumerate((1.0, -1.0)):
-            angles[side] = _ackermann(command, sign * 0.5 * self.track / self.wheelbase)
-        return angles
+            return command, command
+        ratio = 0.5 * self.track / self.wheelbase
+        return _ackermann(command, ratio), _ackermann(command, -ratio)
 
 
-def _ackermann(command: Array, ratio: float) -> Array:
-    """Angle, rate and acceleration of a front wheel at y = ratio * wheelbase: cot(wheel) = cot(command) - ratio."""
+def _ackermann(command: Motion, ratio: float) -> Motion:
+    """Motion of a front wheel at y = ratio * wheelbase: cot(wheel) = cot(command) - ratio."""
     angle, rate, acceleration = command
-    numerator, denominator = math.sin(angle), math.cos(angle) - ratio * math.sin(angle)
-    wheel = math.atan2(numerator, denominator)
-    norm = numerator**2 + denominator**2  # d wheel / d command = 1 / norm
-    slope = 1.0 / norm
-    norm_slope = 2.0 * numerator * math.cos(angle) + 2.0 * denominator * (-math.sin(angle) - ratio * math.cos(angle))
-    curvature = -norm_slope / norm**2
-    return np.array([wheel, slope * rate, slope * acceleration + curvature * rate**2])
+    s, c = math.sin(angle), math.cos(angle)
+    x = c - ratio * s
+    norm = s * s + x * x
+    slope = 1.0 / norm  # d wheel / d command
+    curvature = -2.0 * (s * c - x * (s + ratio * c)) / norm**2
+    return math.atan2(s, x), slope * rate, slope * acceleration + curvature * rate**2
 
 
 def box_inertia(mass: float, length: float, width: float, height: float) -> Array:

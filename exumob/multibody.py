@@ -1,0 +1,571 @@
+"""The vehicle as a redundant-coordinate Exudyn model (paper Eq. 6), advanced macro step by macro step.
+
+Nine rigid bodies with Euler parameters (hull, four uprights, four wheels), joints as algebraic constraints; steering
+and wheel spin are kinematic constraints in time. Soil, suspension and water come from `exumob.loads` as user loads:
+one gather before each Newton residual, each load returns its row.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from exumob.environment import Soil
+from exumob.errors import SimulationError
+from exumob.loads import HISTORY, LOADS, WORK, add_work, load_model, sample_motion, vehicle_loads
+from exumob.maneuver import Maneuver
+from exumob.states import Array, BodyStates
+from exumob.terrain import Terrain
+from exumob.vehicle import Suspension, Vehicle
+
+os.environ.setdefault("EXUDYN_NO_USER_SETTINGS", "1")  # a file in the home folder must not change results
+if "exudyn" not in sys.modules:
+    sys.exudynFast = True  # type: ignore[attr-defined]
+with contextlib.redirect_stdout(io.StringIO()):  # the fast build announces itself
+    import exudyn as exu
+from exudyn.itemInterface import (
+    LoadForceVector,
+    LoadTorqueVector,
+    MarkerBodiesRelativeRotationCoordinate,
+    MarkerBodyPosition,
+    MarkerBodyRigid,
+    MarkerNodeCoordinate,
+    NodePointGround,
+    ObjectConnectorCoordinate,
+    ObjectConnectorDistance,
+    ObjectJointGeneric,
+    ObjectJointRevoluteZ,
+)
+from exudyn.utilities import RigidBodyInertia
+
+HISTORY_STEP = 1.0e-3
+"""Sampling of the motion that every water model sees [s]; the paper's networks were trained at it."""
+HULL, UPRIGHTS, WHEELS = 0, slice(1, 5), slice(5, 9)
+SPIN_FRAME = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]).T
+"""Joint frame in wheel axes: its z axis is the wheel's y axis."""
+
+
+@dataclass(frozen=True)
+class SavedState:
+    """All that the next step depends on; see `MultibodyVehicle.save`."""
+
+    time: float
+    coordinates: dict[str, Array]
+    algorithmic_acceleration: Array
+    loads: np.ndarray
+    ledger: np.ndarray
+    history: np.ndarray
+
+
+class MultibodyVehicle:
+    """A `Vehicle` on `Soil`, driven by a `Maneuver`, as an Exudyn system.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    soil : Soil
+    maneuver : Maneuver
+    terrain : Terrain
+    micro_step : float
+        Step of the time integration [s]; `HISTORY_STEP` must be a whole multiple of it.
+    duration : float
+        Of the run [s]; history is kept for as long.
+    standstill_rate : float
+        Spin below which the shear displacement is regularised [rad/s] (see `exumob.terramechanics`).
+
+    Notes
+    -----
+    Generalized-alpha (spectral radius 0.8, index 3; Arnold & Bruels 2007) with modified Newton iterations.
+    Call `settle` once, then `advance` macro step by macro step.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        soil: Soil,
+        maneuver: Maneuver,
+        terrain: Terrain,
+        micro_step: float,
+        duration: float,
+        standstill_rate: float = 0.2,
+    ) -> None:
+        """Build the system at ride height on the terrain."""
+        self.vehicle = vehicle
+        self.maneuver = maneuver
+        self.micro_step = micro_step
+        self.model = load_model(vehicle, soil, terrain, standstill_rate)
+        self.loads = np.zeros(1, LOADS)
+        self.ledger = np.zeros(1, WORK)
+        self._heights = terrain.as_arrays()[1]
+        self._history = np.zeros(round(duration / HISTORY_STEP) + 2, HISTORY)
+        self._samples = 0
+        self._command = [0.0, 0.0, 0.0]  # front-left and front-right steering angle, wheel speed
+        self._rates = np.zeros(3)  # of the two angles, and the wheel speed again
+
+        self._container = exu.SystemContainer()
+        self.mbs = self._container.AddSystem()
+        self._build(terrain)
+        self.mbs.Assemble()
+        data = self.mbs.systemData
+        self._q = data.GetODE2Coordinates(copy=False)  # live views
+        self._v = data.GetODE2Coordinates_t(copy=False)
+        self._a = data.GetODE2Coordinates_tt(copy=False)
+        self._multipliers = data.GetAECoordinates(copy=False)
+        self._reference = np.array(data.GetODE2Coordinates(configuration=exu.ConfigurationType.Reference))
+        self._steering_rows = np.array([data.GetObjectLTGAE(i)[0] for i in self._steering_joints], dtype=np.int64)
+        self._spin_rows = np.array([data.GetObjectLTGAE(i)[0] for i in self._spin_joints], dtype=np.int64)
+        self._settings = _solver_settings(micro_step, duration)
+        self._solver = exu.MainSolverImplicitSecondOrder()
+        self._dense: Any = None
+
+    # -- model -------------------------------------------------------------------------------------------------------
+
+    def _build(self, terrain: Terrain) -> None:
+        vehicle, mbs = self.vehicle, self.mbs
+        height, normal = terrain.height_and_normal(0.0, 0.0)
+        tilt = _frame_on(normal)
+        origin = np.array([0.0, 0.0, height])
+        gravity = [0.0, 0.0, -float(self.model[0]["gravity"])]
+
+        def add_body(name: str, mass: float, inertia: Array, position: Array) -> int:
+            body: int = mbs.CreateRigidBody(
+                name=name,
+                referencePosition=origin + tilt @ position,
+                referenceRotationMatrix=tilt,
+                inertia=RigidBodyInertia(mass, inertia),
+                gravity=gravity,
+            )
+            return body
+
+        hull = add_body("hull", vehicle.hull.mass, vehicle.hull.inertia_tensor, vehicle.hull_origin)
+        suspensions = [suspension for suspension in vehicle.axle_suspensions for _ in range(2)]
+        uprights = [
+            add_body(f"upright {i}", s.upright_mass, s.upright_inertia_tensor, c)
+            for i, (s, c) in enumerate(zip(suspensions, vehicle.wheel_centers, strict=True))
+        ]
+        wheels = [
+            add_body(f"wheel {i}", vehicle.wheel.mass, vehicle.wheel.inertia_tensor, c)
+            for i, c in enumerate(vehicle.wheel_centers)
+        ]
+        ground = mbs.AddNode(NodePointGround())
+        self._ground = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=ground, coordinate=0))
+        self._steering_joints: list[int] = []
+        self._spin_joints: list[int] = []
+        self._suspension_joints: list[int] = []
+        for i, suspension in enumerate(suspensions):
+            steered = i < 2
+            if suspension.wishbones is None:
+                self._add_pillar(hull, uprights[i], i, steered)
+            else:
+                self._add_wishbones(hull, uprights[i], i, suspension)
+            if steered or suspension.wishbones is not None:
+                angle = (lambda *_, i=i: self._command[i]) if steered else (lambda *_: 0.0)
+                self._steering_joints.append(self._constrain_rotation(hull, uprights[i], [0.0, 0.0, 1.0], angle))
+            marker_0, marker_1 = (
+                mbs.AddMarker(MarkerBodyRigid(bodyNumber=b, localHT=exu.HT(rotation=SPIN_FRAME)))
+                for b in (uprights[i], wheels[i])
+            )
+            mbs.AddObject(ObjectJointRevoluteZ(markerNumbers=[marker_0, marker_1]))
+            self._spin_joints.append(
+                self._constrain_rotation(
+                    uprights[i], wheels[i], [0.0, 1.0, 0.0], lambda *_: self._command[2], velocity_level=True
+                )
+            )
+        record = self.loads[0]
+        self._load(hull, record["hull_force"], record["hull_torque"])
+        for i in range(4):
+            self._load(uprights[i], record["upright_force"][i], record["upright_torque"][i])
+            self._load(wheels[i], None, record["wheel_torque"][i])
+
+    def _load(self, body: int, force: Array | None, torque: Array) -> None:
+        marker = self.mbs.AddMarker(MarkerBodyRigid(bodyNumber=body))
+        if force is not None:
+            self.mbs.AddLoad(LoadForceVector(markerNumber=marker, loadVectorUserFunction=lambda *_: force))
+        self.mbs.AddLoad(LoadTorqueVector(markerNumber=marker, loadVectorUserFunction=lambda *_: torque))
+
+    def _add_pillar(self, hull: int, upright: int, wheel: int, steered: bool) -> None:
+        """Upright slides along the hull's z axis; a steered one also turns about it."""
+        arm = self.vehicle.wheel_centers[wheel] - self.vehicle.hull_origin
+        markers = [
+            self.mbs.AddMarker(MarkerBodyRigid(bodyNumber=hull, localPosition=arm)),
+            self.mbs.AddMarker(MarkerBodyRigid(bodyNumber=upright)),
+        ]
+        axes = [1, 1, 0, 1, 1, 0 if steered else 1]
+        self._suspension_joints.append(
+            self.mbs.AddObject(ObjectJointGeneric(markerNumbers=markers, constrainedAxes=axes))
+        )
+
+    def _add_wishbones(self, hull: int, upright: int, wheel: int, suspension: Suspension) -> None:
+        """Four rigid rods: fore and aft of the upper and of the lower arm."""
+        arms = suspension.wishbones
+        assert arms is not None
+        center = self.vehicle.wheel_centers[wheel] - self.vehicle.hull_origin
+        side = 1.0 if center[1] > 0.0 else -1.0
+        for length, joint_height, drop in (
+            (arms.upper_length, arms.upper_height, arms.upper_pivot_drop),
+            (arms.lower_length, -arms.lower_height, 0.0),
+        ):
+            ball = np.array([0.0, -side * arms.ball_joint_inset, joint_height])
+            reach = np.sqrt(length**2 - drop**2)
+            for x in (0.5 * arms.pivot_spread, -0.5 * arms.pivot_spread):
+                pivot = center + ball + np.array([x, -side * reach, -drop])
+                markers = [
+                    self.mbs.AddMarker(MarkerBodyPosition(bodyNumber=hull, localPosition=pivot)),
+                    self.mbs.AddMarker(MarkerBodyPosition(bodyNumber=upright, localPosition=ball)),
+                ]
+                rod = float(np.hypot(length, x))
+                self._suspension_joints.append(
+                    self.mbs.AddObject(ObjectConnectorDistance(markerNumbers=markers, distance=rod))
+                )
+
+    def _constrain_rotation(
+        self, body_0: int, body_1: int, axis: list[float], value: Callable[..., float], velocity_level: bool = False
+    ) -> int:
+        marker = self.mbs.AddMarker(MarkerBodiesRelativeRotationCoordinate(bodyNumbers=[body_0, body_1], axis0=axis))
+        functions = {"offsetUserFunction_t" if velocity_level else "offsetUserFunction": value}
+        joint: int = self.mbs.AddObject(
+            ObjectConnectorCoordinate(
+                markerNumbers=[self._ground, marker], velocityLevel=velocity_level, **functions
+            )
+        )
+        return joint
+
+    # -- running -----------------------------------------------------------------------------------------------------
+
+    def settle(self, water_load: Callable[[BodyStates], Array], limit: float = 20.0) -> None:
+        """Find the static equilibrium by dynamic relaxation, and make it the state at time 0.
+
+        Wheels are locked and steered as the maneuver begins; every body is damped in proportion to its mass until the
+        largest acceleration is below 5e-7 g.
+
+        Parameters
+        ----------
+        water_load : callable
+            Wrenches of the water for the present states, shape (5, 6), asked for every 5 ms.
+        limit : float
+            Give up after this simulated time [s].
+
+        Raises
+        ------
+        SimulationError
+            If no equilibrium is found (the vehicle sinks in, floats or slides).
+        """
+        step, interval = 1.0e-3, 5.0e-3
+        self.model[0]["settling_rate"] = 2.0 * np.sqrt(
+            self.model[0]["stiffness"].sum() / self.vehicle.mass
+        )  # about critical damping of heave
+        settings = _solver_settings(step, limit)
+        self._start(settings, driving=False)
+        try:
+            for n in range(round(limit / interval)):
+                self.loads[0]["water"] = water_load(self.present())
+                self._advance(settings, (n + 1) * interval)
+                state = self.present()
+                acceleration = max(np.abs(state.acceleration).max(), 0.1 * np.abs(state.angular_acceleration).max())
+                if acceleration < 5e-7 * self.model[0]["gravity"] and n * interval > 0.2:
+                    break
+            else:
+                raise SimulationError(
+                    f"{self.vehicle.name}: no static equilibrium within {limit} s (largest acceleration "
+                    f"{acceleration:.2g} m/s^2); the vehicle floats or slides. Lower the water depth or the current, "
+                    "or choose a firmer soil."
+                )
+        finally:
+            self._solver.FinalizeSolver(self.mbs, settings)
+            self.model[0]["settling_rate"] = 0.0
+        data = self.mbs.systemData
+        data.SetODE2Coordinates(np.array(self._q), configuration=exu.ConfigurationType.Initial)
+        data.SetODE2Coordinates_t(np.zeros_like(self._v), configuration=exu.ConfigurationType.Initial)
+        self._start(self._settings, driving=True)
+
+    def _start(self, settings: Any, driving: bool) -> None:
+        """Begin a run at time 0 from the initial configuration."""
+        self._driving = driving
+        self.ledger[:] = 0
+        self._samples = 0
+        self._solver = exu.MainSolverImplicitSecondOrder()
+        data = self.mbs.systemData
+        data.SetTime(0.0)
+        self._q[:] = data.GetODE2Coordinates(configuration=exu.ConfigurationType.Initial)
+        self._v[:] = data.GetODE2Coordinates_t(configuration=exu.ConfigurationType.Initial)
+        self._evaluate(0.0)  # Exudyn computes initial accelerations without calling the residual hook
+        self.mbs.SetPreNewtonResidualUserFunction(self._before_residual)
+        self.mbs.SetPostStepUserFunction(self._after_step)
+        if not self._solver.InitializeSolver(self.mbs, settings):
+            raise SimulationError(f"{self.vehicle.name}: Exudyn could not start: {self._solver.GetErrorString()}")
+        self._evaluate(0.0)
+        self._account(0.0)
+        self._sample(0.0)
+
+    def _set_command(self, time: float) -> None:
+        left, right = self.vehicle.steering_angles(self.maneuver.steering(time if self._driving else 0.0))
+        speed = self.maneuver.wheel_speed(time)[0] if self._driving else 0.0
+        self._command[:] = left[0], right[0], speed
+        self._rates[:] = left[1], right[1], speed
+
+    def _evaluate(self, time: float) -> None:
+        self._set_command(time)
+        vehicle_loads(self.model, self._heights, self._q, self._v, self._reference, self.loads)
+
+    def _before_residual(self, mbs: Any, time: float, newton_iteration: int, discontinuous_iteration: int) -> None:
+        if newton_iteration == 0:
+            self._set_command(time)
+        vehicle_loads(self.model, self._heights, self._q, self._v, self._reference, self.loads)
+
+    def _account(self, time: float) -> float:
+        return add_work(
+            time, self.loads, self._multipliers, self._steering_rows, self._spin_rows, self._rates, self.ledger
+        )
+
+    def _sample(self, time: float) -> None:
+        sample = self._history[self._samples % len(self._history)]
+        sample["time"] = time
+        sample_motion(self._q, self._v, self._a, self._reference, sample)
+        self._samples += 1
+
+    def _after_step(self, mbs: Any, time: float) -> bool:
+        depth = self._account(time)
+        if not depth < 1.0:
+            raise SimulationError(_sunk(self.vehicle.name, time, depth))
+        if time >= self._samples * HISTORY_STEP - 1e-9:
+            self._sample(time)
+        return True
+
+    def _advance(self, settings: Any, end_time: float) -> None:
+        self._solver.it.endTime = end_time
+        if not self._solver.SolveSteps(self.mbs, settings):
+            raise SimulationError(
+                f"{self.vehicle.name}: the time integration broke down at {self.time:.4f} s (Newton did not converge). "
+                "Halve micro_step, or soften the soil, the bump stops or the maneuver."
+            )
+
+    def advance(self, end_time: float, water: Array) -> None:
+        """Integrate to `end_time` [s] with the water's wrenches on the five bodies, shape (5, 6), held.
+
+        Raises
+        ------
+        SimulationError
+            If a wheel sinks to its centre, the motion is not finite or the integration does not converge.
+        """
+        self.loads[0]["water"] = water
+        try:
+            self._advance(self._settings, end_time)
+        except Exception as error:
+            if isinstance(error.__cause__, SimulationError | KeyboardInterrupt):
+                raise error.__cause__ from None
+            raise
+
+    # -- state -------------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Time reached [s]."""
+        return float(self.mbs.systemData.GetTime())
+
+    @property
+    def history(self) -> BodyStates:
+        """Motion of the five bodies every `HISTORY_STEP` from time 0 to now (views)."""
+        return _as_states(self._history[: self._samples])
+
+    def present(self) -> BodyStates:
+        """Motion of the five bodies now, n = 1."""
+        sample = np.zeros(1, HISTORY)
+        sample["time"] = self.time
+        sample_motion(self._q, self._v, self._a, self._reference, sample[0])
+        return _as_states(sample)
+
+    def save(self) -> SavedState:
+        """Return all that the next step depends on, to be given to `restore` of this or an equal model."""
+        data = self.mbs.systemData
+        return SavedState(
+            time=self.time,
+            coordinates={k: np.array(v) for k, v in data.GetSystemStateDict().items()},
+            algorithmic_acceleration=np.array(self._solver.GetAAlgorithmic()),
+            loads=self.loads.copy(),
+            ledger=self.ledger.copy(),
+            history=self._history[: self._samples].copy(),
+        )
+
+    def restore(self, saved: SavedState) -> None:
+        """Return to a saved state, bit for bit."""
+        data, settings = self.mbs.systemData, self._settings
+        if not self._driving:
+            self._start(settings, driving=True)
+        # the algorithmic acceleration can only be written through the initial configuration
+        initial = data.GetSystemStateDict(reference=True, configuration=exu.ConfigurationType.Initial)
+        kept = {k: np.array(v) for k, v in initial.items()}
+        for k in initial:
+            initial[k][:] = saved.coordinates[k]
+        initial["ODE2Coords_tt"][:] = saved.algorithmic_acceleration
+        alpha = settings.timeIntegration.generalizedAlpha
+        flags = alpha.computeInitialAccelerations, alpha.resetAccelerations
+        alpha.computeInitialAccelerations = alpha.resetAccelerations = False
+        self._solver.InitializeSolverInitialConditions(self.mbs, settings)
+        alpha.computeInitialAccelerations, alpha.resetAccelerations = flags
+        for k in initial:
+            initial[k][:] = kept[k]
+        current = data.GetSystemStateDict(reference=True)
+        for k in current:
+            current[k][:] = saved.coordinates[k]
+        data.SetTime(saved.time)
+        self._solver.it.currentTime = saved.time
+        self.loads[:] = saved.loads
+        self.ledger[:] = saved.ledger
+        self._samples = len(saved.history)
+        self._history[: self._samples] = saved.history
+        self._set_command(saved.time)
+
+    # -- constraints ---------------------------------------------------------------------------------------------------
+
+    def _constraint_solver(self) -> Any:
+        """A second solver in dense mode, for residuals and Jacobians of the constraints alone."""
+        if self._dense is None:
+            settings = exu.SimulationSettings()
+            settings.linearSolver.solverType = exu.LinearSolverType.EXUdense
+            _silence(settings)
+            saved = self.save()
+            solver = exu.MainSolverImplicitSecondOrder()
+            solver.InitializeSolver(self.mbs, settings)
+            self.restore(saved)
+            n = solver.GetODE2size() + solver.GetAEsize()
+            self._zeros = np.zeros((n, n))
+            self._velocity_level = np.zeros(solver.GetAEsize(), dtype=bool)
+            self._velocity_level[self._spin_rows] = True
+            self._dense = solver
+        return self._dense
+
+    def _constraint_residual(self, velocity_level: bool) -> Array:
+        solver = self._constraint_solver()
+        solver.ComputeAlgebraicEquations(self.mbs, velocity_level)
+        return np.array(solver.GetSystemResidual())[len(self._q) :]
+
+    def _constraint_jacobian(self) -> Array:
+        """dC/dq of position-level rows and dC/dv of velocity-level rows, shape (constraints, 63)."""
+        solver = self._constraint_solver()
+        blocks = []
+        for position, velocity in ((1.0, 0.0), (0.0, 1.0)):
+            solver.SetSystemJacobian(self._zeros)
+            solver.ComputeJacobianAE(self.mbs, position, velocity, 1.0, False)
+            blocks.append(np.array(solver.GetSystemJacobian())[len(self._q) :, : len(self._q)])
+        return np.where(self._velocity_level[:, None], blocks[1], blocks[0])
+
+    def constraint_wrenches(self) -> Array:
+        """Forces and moments of all constraints on the nine bodies, world axes, about each origin, shape (9, 6).
+
+        From the Lagrange multipliers: Q = -C_q^T lambda (paper Eq. 6); torque = G(e) Q_e / 2.
+        """
+        generalized = (-self._constraint_jacobian().T @ np.array(self._multipliers)).reshape(9, 7)
+        wrenches = np.empty((9, 6))
+        wrenches[:, :3] = generalized[:, :3]
+        for i, node in enumerate((np.array(self._q) + self._reference).reshape(9, 7)):
+            wrenches[i, 3:] = 0.5 * _euler_map(node[3:]) @ generalized[i, 3:]
+        return wrenches
+
+    def constraint_errors(self) -> tuple[float, float]:
+        """Largest residual of the position-level [m or rad] and velocity-level [rad/s] constraints now."""
+        residual = np.abs(self._constraint_residual(False))
+        return float(residual[~self._velocity_level].max()), float(residual[self._velocity_level].max())
+
+    def predict(self, step: float) -> BodyStates:
+        """Extrapolate over `step` [s] and project on the constraints; the state of the model itself is left alone.
+
+        q + h v + h^2/2 a and v + h a, then Newton on the positions and one projection of the velocities, both in the
+        metric of the mass matrix (paper Sec. 2.3).
+
+        Returns
+        -------
+        BodyStates, n = 1
+        """
+        saved = self.save()
+        time, q, v, a = saved.time + step, np.array(self._q), np.array(self._v), np.array(self._a)
+        data = self.mbs.systemData
+        try:
+            solver = self._constraint_solver()
+            data.SetTime(time)
+            self._set_command(time)
+            self._q[:] = q + step * v + 0.5 * step**2 * a
+            self._v[:] = v + step * a
+            solver.ComputeMassMatrix(self.mbs, 1.0)
+            mass = np.array(solver.GetSystemMassMatrix())[: len(q), : len(q)]
+            for _ in range(10):
+                residual = np.where(self._velocity_level, 0.0, self._constraint_residual(False))
+                if np.abs(residual).max() < 1e-14:
+                    break
+                jacobian = np.where(self._velocity_level[:, None], 0.0, self._constraint_jacobian())
+                self._q[:] = np.array(self._q) - _projection(mass, jacobian, residual)
+            self._v[:] = np.array(self._v) - _projection(
+                mass, self._constraint_jacobian(), self._constraint_residual(True)
+            )
+            sample = np.zeros(1, HISTORY)
+            sample["time"] = time
+            sample_motion(self._q, self._v, self._a, self._reference, sample[0])
+        finally:
+            data.SetTime(saved.time)
+            self._q[:], self._v[:] = q, v
+            self._set_command(saved.time)
+        return _as_states(sample)
+
+
+def _sunk(name: str, time: float, depth: float) -> str:
+    if np.isnan(depth):
+        return f"{name}: the motion is not finite at {time:.4f} s; halve micro_step and macro_step."
+    return (
+        f"{name}: a wheel has sunk to its centre at {time:.4f} s (sinkage {depth:.2f} radii; Bekker-Wong ends at 1). "
+        "Choose a firmer soil or a lighter vehicle."
+    )
+
+
+def _as_states(samples: np.ndarray) -> BodyStates:
+    return BodyStates(*(samples[name] for name in BodyStates.__dataclass_fields__))
+
+
+def _frame_on(normal: Array) -> Array:
+    """Rotation matrix whose z axis is the terrain's normal and whose x axis points along world x."""
+    left = np.cross(normal, [1.0, 0.0, 0.0])
+    left /= np.linalg.norm(left)
+    return np.column_stack([np.cross(left, normal), left, normal])
+
+
+def _euler_map(e: Array) -> Array:
+    """G of w = 2 G(e) e_t: world angular velocity from Euler parameters, shape (3, 4)."""
+    return np.array([[-e[1], e[0], -e[3], e[2]], [-e[2], e[3], e[0], -e[1]], [-e[3], -e[2], e[1], e[0]]])
+
+
+def _projection(mass: Array, jacobian: Array, residual: Array) -> Array:
+    """Smallest correction in the metric of `mass` with jacobian @ correction = residual."""
+    rows = np.abs(jacobian).max(axis=1) > 0.0
+    active = jacobian[rows]
+    n, m = len(mass), len(active)
+    system = np.block([[mass, active.T], [active, np.zeros((m, m))]])
+    solution: Array = np.linalg.solve(system, np.concatenate([np.zeros(n), residual[rows]]))
+    return solution[:n]
+
+
+def _solver_settings(step: float, duration: float) -> Any:
+    settings = exu.SimulationSettings()
+    integration = settings.timeIntegration
+    integration.numberOfSteps = max(round(duration / step), 1)
+    integration.endTime = integration.numberOfSteps * step
+    integration.generalizedAlpha.spectralRadius = 0.8
+    newton = integration.newton
+    newton.useModifiedNewton = True
+    newton.modifiedNewtonContractivity = 0.1
+    newton.relativeTolerance = newton.absoluteTolerance = 1e-6
+    settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
+    settings.linearSolver.reuseAnalyzedPattern = True
+    _silence(settings)
+    return settings
+
+
+def _silence(settings: Any) -> None:
+    settings.timeIntegration.verboseMode = 0
+    settings.solution.file.write = False
+    settings.solution.file.writeInitialValues = False
+    settings.solution.sensors.active = False
