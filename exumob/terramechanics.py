@@ -300,6 +300,20 @@ def wheel_soil_kernel(soil, radius, width, sinkage, v_x, v_y, v_z, omega, stands
 
 
 @dataclass(frozen=True)
+class ContactStresses:
+    """Stresses along the contact patch of a rolling wheel, paper Fig. 1."""
+
+    angle: Array
+    """theta on the rim [rad], from exit to entry, positive towards the direction of travel, shape (n,)"""
+    normal: Array
+    """sigma, Eq. (3) [Pa], shape (n,)"""
+    shear_x: Array
+    """tau_x, Eq. (4), on the wheel, positive towards the direction of travel at the lowest point [Pa], shape (n,)"""
+    shear_y: Array
+    """tau_y, on the wheel, positive to the left [Pa], shape (n,)"""
+
+
+@dataclass(frozen=True)
 class WheelSoilForces:
     """What the soil does to one wheel, in the wheel's horizontal heading frame (x heading, y left, z up)."""
 
@@ -373,4 +387,66 @@ def wheel_soil_forces(
     )  # fmt: skip
     return WheelSoilForces(
         out[:3].copy(), out[3:6].copy(), *(float(x) for x in out[DRIVING_TORQUE : MAXIMUM_PRESSURE_ANGLE + 1])
+    )
+
+
+def contact_stresses(
+    soil: Soil,
+    wheel_radius: float,
+    wheel_width: float,
+    sinkage: float,
+    velocity: ArrayLike,
+    angular_velocity: float,
+    *,
+    standstill_rate: float = 0.01,
+    points: int = 181,
+) -> ContactStresses:
+    """Normal and shear stress over the rim, paper Eqs. (3) and (4), for plots and checks.
+
+    Parameters
+    ----------
+    soil, wheel_radius, wheel_width, sinkage, velocity, angular_velocity, standstill_rate
+        As for `wheel_soil_forces`; the wheel must travel and spin faster than the standstill bands, because inside them
+        two patches are blended.
+    points : int
+        Number of angles.
+
+    Raises
+    ------
+    ValueError
+        As `wheel_soil_forces`; or if the wheel does not touch, stands still, or is locked.
+    """
+    forces = wheel_soil_forces(
+        soil, wheel_radius, wheel_width, sinkage, velocity, angular_velocity, standstill_rate=standstill_rate
+    )
+    v_x, v_y, v_z = np.asarray(velocity, dtype=float)
+    if sinkage <= 0.0:
+        raise ValueError(f"wheel.sinkage = {sinkage:g} m: the wheel does not touch; give a sinkage > 0.")
+    if abs(angular_velocity) < standstill_rate or abs(v_x) < wheel_radius * standstill_rate:
+        raise ValueError(
+            f"wheel.angular_velocity = {angular_velocity:g} rad/s, wheel.velocity[0] = {v_x:g} m/s: inside the standstill bands "
+            f"({standstill_rate:g} rad/s, {wheel_radius * standstill_rate:g} m/s) two patches are blended; give faster ones."
+        )
+    direction = math.copysign(1.0, v_x)
+    v_x, omega = direction * v_x, direction * angular_velocity
+    r, theta_f, theta_r = wheel_radius, forces.entry_angle, forces.exit_angle
+    theta_m = forces.maximum_pressure_angle
+    theta = np.linspace(theta_r, theta_f, points)
+    rear = max(theta_m - theta_r, 1e-12)
+    equivalent = np.where(theta >= theta_m, theta, theta_f - (theta - theta_r) / rear * (theta_f - theta_m))
+    depth = r * np.maximum(np.cos(equivalent) - math.cos(theta_f), 0.0)
+    sigma = soil.pressure(1.0, wheel_width) * depth**soil.n * max(0.0, 1.0 - soil.damping * v_z)
+    if omega > 0.0:
+        time, sine = (theta_f - theta) / omega, math.sin(theta_f) - np.sin(theta)
+    else:
+        time, sine = (theta_r - theta) / omega, np.sin(theta) - math.sin(theta_r)
+    x = (r * omega * time - v_x * sine / abs(omega)) / soil.shear_modulus_x
+    y = -v_y * time / soil.shear_modulus_y
+    strength = soil.cohesion + sigma * math.tan(soil.friction_angle)
+    if soil.shear_limit == "resultant":
+        total = np.hypot(x, y)
+        share = -np.expm1(-total) / np.where(total > 0.0, total, 1.0)
+        return ContactStresses(theta, sigma, strength * share * x, strength * share * y)
+    return ContactStresses(
+        theta, sigma, -np.sign(x) * strength * np.expm1(-np.abs(x)), -np.sign(y) * strength * np.expm1(-np.abs(y))
     )
