@@ -1,5 +1,22 @@
-"""What a broken run raises."""
+"""What a broken or stopped run raises; either keeps what was computed."""
+
+from __future__ import annotations
+
+import xarray as xr
 
 
 class SimulationError(RuntimeError):
-    """A run could not go on: says when, why and what to do. What was computed until then is kept by the caller."""
+    """A run could not go on: the message says when, why and what to do."""
+
+    result: xr.Dataset | None = None
+    """What was computed until then, if anything was."""
+
+
+class SimulationInterrupted(KeyboardInterrupt):
+    """Ctrl-C during a run."""
+
+    def __init__(self, time: float, result: xr.Dataset) -> None:
+        """Keep the time reached [s] and what was computed until then."""
+        super().__init__(f"interrupted at {time:.3f} s of simulated time")
+        self.time = time
+        self.result = result

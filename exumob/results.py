@@ -1,0 +1,316 @@
+"""Results as an xarray.Dataset: built from a run's records, with units, names and provenance; saved as netCDF."""
+
+from __future__ import annotations
+
+import datetime
+import errno
+import json
+import logging
+import os
+import shutil
+import subprocess
+import tempfile
+from dataclasses import asdict, is_dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from exumob.environment import GRAVITY, Soil, Water
+from exumob.hydrodynamics import Hydrodynamics
+from exumob.hydrodynamics.states import FLOW_STATES, flow_states
+from exumob.maneuver import Maneuver
+from exumob.multibody import MultibodyVehicle
+from exumob.states import BODIES, WHEELS, Array, BodyStates
+from exumob.terrain import Terrain
+from exumob.vehicle import Vehicle
+
+logger = logging.getLogger(__name__)
+
+WORK_KINDS = ("soil", "damper", "water", "spin", "steering", "settling")
+WRENCH_COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+
+
+def build_dataset(
+    model: MultibodyVehicle,
+    vehicle: Vehicle,
+    soil: Soil,
+    water: Water | None,
+    terrain: Terrain,
+    maneuver: Maneuver,
+    hydrodynamics: Hydrodynamics,
+    status: str,
+    steps: dict[str, float],
+    wall_times: dict[str, float],
+) -> xr.Dataset:
+    """Dataset of a run, complete or not.
+
+    Dimensions ``time``, ``body`` (`exumob.states.BODIES`), ``wheel``, ``axis`` (world x, y, z), ``component`` (of a
+    wrench), ``state`` (Eq. 7), ``work_kind``. In the force ledger, for each body,
+    ``soil_load + water_load + gravity_load + suspension_load + constraint_load = mass * acceleration``.
+    """
+    records = model.records
+    states = BodyStates(*(records["motion"][name] for name in BodyStates.__dataclass_fields__))
+    loads = records["loads"]
+    masses = body_masses(vehicle)
+    ledger = _force_ledger(records, states, masses)
+    rotation = states.rotation
+    yaw = np.unwrap(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]), axis=0)
+    left = np.stack([-np.sin(yaw[:, 0]), np.cos(yaw[:, 0])], axis=-1)
+    ahead = np.stack([np.cos(yaw[:, 0]), np.sin(yaw[:, 0])], axis=-1)
+    hull_velocity = states.velocity[:, 0, :2]
+    spin_torque = records["spin_torque"]
+
+    variables: dict[str, tuple[tuple[str, ...], Array, str, str]] = {
+        "position": (("time", "body", "axis"), states.position, "m", "position of the body's origin, world axes"),
+        "quaternion": (
+            ("time", "body", "quaternion_component"), _quaternions(rotation), "1", "orientation, body to world",
+        ),
+        "yaw": (("time", "body"), yaw, "rad", "heading, counter-clockwise from world x"),
+        "pitch": (("time", "body"), -np.arcsin(np.clip(rotation[..., 2, 0], -1, 1)), "rad", "pitch, bow down positive"),
+        "roll": (
+            ("time", "body"), np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]), "rad", "roll, starboard down positive",
+        ),
+        "velocity": (("time", "body", "axis"), states.velocity, "m s-1", "velocity of the body's origin, world axes"),
+        "angular_velocity": (("time", "body", "axis"), states.angular_velocity, "rad s-1", "angular velocity, world axes"),
+        "acceleration": (("time", "body", "axis"), states.acceleration, "m s-2", "acceleration of the origin, world axes"),
+        "angular_acceleration": (
+            ("time", "body", "axis"), states.angular_acceleration, "rad s-2", "angular acceleration, world axes",
+        ),
+        "forward_velocity": (("time",), (hull_velocity * ahead).sum(-1), "m s-1", "hull speed along its heading"),
+        "lateral_velocity": (("time",), (hull_velocity * left).sum(-1), "m s-1", "hull speed to the left of its heading"),
+        "wheel_speed": (("time", "wheel"), states.wheel_speed, "rad s-1", "spin of the wheel, positive rolls forward"),
+        "steering_angle": (("time", "front_wheel"), records["steering"], "rad", "front-wheel angle, positive to the left"),
+        "spin_torque": (("time", "wheel"), spin_torque, "N m", "driving torque on the wheel (spin constraint)"),
+        "spin_power": (("time", "wheel"), spin_torque * states.wheel_speed, "W", "power of the driving torque"),
+        "sinkage": (("time", "wheel"), loads["sinkage"], "m", "sinkage of the tyre below the soil surface"),
+        "slip_ratio": (("time", "wheel"), loads["slip_ratio"], "1", "slip ratio, positive driving, negative braking"),
+        "slip_angle": (("time", "wheel"), loads["slip_angle"], "rad", "angle of the wheel's velocity to its heading"),
+        "soil_force": (("time", "wheel", "axis"), loads["soil_force"], "N", "force of the soil on the tyre, world axes"),
+        "soil_moment": (
+            ("time", "wheel", "axis"), loads["soil_moment"], "N m", "moment of the soil about the wheel centre, world axes",
+        ),
+        "suspension_force": (("time", "wheel"), loads["suspension_force"], "N", "spring, damper and stops, pushing apart"),
+        "suspension_stroke": (("time", "wheel"), loads["stroke"], "m", "wheel above its ride height in the hull"),
+        "flow_state": (("time", "body", "state"), flow_states(states, water), "", "states of paper Eq. 7"),
+        "water_wrench": (
+            ("time", "body", "component"), loads["water"], "N or N m",
+            "force and moment of the water about the body's origin, body axes",
+        ),
+        **{
+            name: (("time", "body", "axis"), force, "N", f"{text}, world axes")
+            for name, (force, text) in ledger.items()
+        },
+        "mass": (("body",), masses, "kg", "mass of the body (a wheel with its upright)"),
+        "work": (("time", "work_kind"), records["ledger"]["work"], "J", "work done on the vehicle since the start"),
+        "kinetic_energy": (("time",), loads["kinetic_energy"], "J", "kinetic energy of all bodies"),
+        "stored_energy": (
+            ("time",), loads["spring_energy"] + loads["gravity_energy"], "J", "energy of springs and of height",
+        ),
+        "constraint_error": (
+            ("time", "constraint_level"), records["constraint_error"], "m or rad; rad s-1", "largest constraint residual",
+        ),
+    }  # fmt: skip
+    dataset = xr.Dataset(
+        {
+            name: (dims, np.ascontiguousarray(values), {"units": units, "long_name": text})
+            for name, (dims, values, units, text) in variables.items()
+        },
+        coords={
+            "time": ("time", np.array(states.time), {"units": "s", "long_name": "time since release"}),
+            "body": list(BODIES),
+            "wheel": list(WHEELS),
+            "front_wheel": list(WHEELS[:2]),
+            "axis": ["x", "y", "z"],
+            "quaternion_component": ["w", "x", "y", "z"],
+            "component": list(WRENCH_COMPONENTS),
+            "state": list(FLOW_STATES),
+            "work_kind": list(WORK_KINDS),
+            "constraint_level": ["position", "velocity"],
+        },
+    )
+    dataset = dataset.assign({f"hydrodynamics_{k}": v for k, v in hydrodynamics.record().items()})
+    dataset.attrs = provenance() | {
+        "title": f"exumob run of {vehicle.name}",
+        "status": status,
+        "hydrodynamics": type(hydrodynamics).__name__,
+        "parameters": json.dumps(
+            {
+                "vehicle": vehicle, "soil": soil, "water": water, "terrain": terrain, "maneuver": maneuver,
+                "hydrodynamics": hydrodynamics, "steps": steps,
+            },
+            default=_plain,
+        ),
+        **wall_times,
+    }  # fmt: skip
+    return dataset
+
+
+def body_masses(vehicle: Vehicle) -> Array:
+    """Masses of the five bodies [kg], shape (5,): a wheel counts with its upright."""
+    front, rear = vehicle.axle_suspensions
+    wheels = [vehicle.wheel.mass + s.upright_mass for s in (front, front, rear, rear)]
+    return np.array([vehicle.hull.mass, *wheels])
+
+
+def _force_ledger(records: np.ndarray, states: BodyStates, masses: Array) -> dict[str, tuple[Array, str]]:
+    loads = records["loads"]
+    shape = states.position.shape
+    soil, gravity, suspension, constraint = (np.zeros(shape) for _ in range(4))
+    soil[:, 1:] = loads["soil_force"]
+    water = np.einsum("nbij,nbj->nbi", states.rotation, loads["water"][..., :3])
+    gravity[:, :, 2] = -GRAVITY * masses
+    spring = loads["suspension_force"][..., None] * states.rotation[:, 0, None, :, 2]
+    suspension[:, 0], suspension[:, 1:] = spring.sum(axis=1), -spring
+    reaction = records["constraint_wrench"][..., :3]
+    constraint[:, 0] = reaction[:, 0]
+    constraint[:, 1:] = reaction[:, 1:5] + reaction[:, 5:]
+    return {
+        "soil_load": (soil, "force of the soil"),
+        "water_load": (water, "force of the water"),
+        "gravity_load": (gravity, "weight"),
+        "suspension_load": (suspension, "force of springs, dampers and stops"),
+        "constraint_load": (constraint, "reaction of joints, steering and spin constraints"),
+    }
+
+
+def ledger_residual(dataset: xr.Dataset) -> xr.DataArray:
+    """Sum of all loads less mass times acceleration [N], dims (time, body, axis): zero but for the solver's tolerance."""
+    loads = ("soil_load", "water_load", "gravity_load", "suspension_load", "constraint_load")
+    return sum(dataset[name] for name in loads) - dataset["mass"] * dataset["acceleration"]
+
+
+def energy_residual(dataset: xr.Dataset) -> xr.DataArray:
+    """Work of spin, steering, soil, dampers and water less the change of kinetic and stored energy [J], dims (time,)."""
+    energy = dataset["kinetic_energy"] + dataset["stored_energy"]
+    return dataset["work"].sum("work_kind") - (energy - energy.isel(time=0))
+
+
+def summary(dataset: xr.Dataset) -> dict[str, float]:
+    """Key figures of a run.
+
+    Returns
+    -------
+    dict
+        distance [m] along the path; forward and lateral displacement [m]; final yaw [rad]; drift_angle [rad], course
+        less heading at the end; mean_slip [-] (all wheels, second half of the run); buoyed_share [-], mean upward force
+        of the water over the weight; spin_energy [J]; wall_time [s]; real_time_factor [-].
+    """
+    hull = dataset.sel(body="hull")
+    path = hull["position"].sel(axis=["x", "y"]).values
+    end = float(dataset["time"][-1])
+    later = dataset.sel(time=slice(0.5 * end, None))
+    weight = float(-dataset["gravity_load"].isel(time=0).sel(axis="z").sum())
+    lift = float(dataset["water_load"].sel(axis="z").sum("body").mean())
+    velocity = hull["velocity"].isel(time=-1).values
+    yaw = float(hull["yaw"][-1])
+    course = float(np.arctan2(velocity[1], velocity[0])) if np.hypot(*velocity[:2]) > 0.01 else yaw
+    wall = float(dataset.attrs["wall_time"])
+    return {
+        "distance": float(np.hypot(*np.diff(path, axis=0).T).sum()),
+        "forward": float(path[-1, 0] - path[0, 0]),
+        "lateral": float(path[-1, 1] - path[0, 1]),
+        "yaw": yaw,
+        "drift_angle": float((course - yaw + np.pi) % (2 * np.pi) - np.pi),
+        "mean_slip": float(later["slip_ratio"].mean()),
+        "buoyed_share": lift / weight,
+        "spin_energy": float(dataset["work"].sel(work_kind="spin")[-1]),
+        "wall_time": wall,
+        "real_time_factor": end / wall if wall > 0.0 else float("inf"),
+    }
+
+
+def provenance() -> dict[str, str]:
+    """Versions, git revision and date of this computation."""
+    import exudyn
+
+    try:
+        version = metadata.version("exumob")
+    except metadata.PackageNotFoundError:
+        version = "not installed"
+    return {
+        "exumob_version": version,
+        "exudyn_version": str(exudyn.__version__),
+        "numpy_version": np.__version__,
+        "git_revision": _git_revision(),
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "random_seed": "none (deterministic)",
+    }
+
+
+def _git_revision() -> str:
+    git = shutil.which("git")
+    if git is None:
+        return "unknown"
+    answer = subprocess.run(
+        [git, "describe", "--always", "--dirty"], cwd=Path(__file__).parent, capture_output=True, text=True, check=False
+    )
+    return answer.stdout.strip() or "unknown"
+
+
+def _plain(value: Any) -> Any:
+    """Anything as JSON: dataclasses as dicts, arrays as lists, the rest by name."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {type(value).__name__: asdict(value)}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    return str(value) if isinstance(value, Path) else type(value).__name__
+
+
+def save_dataset(dataset: xr.Dataset, file: str | Path) -> Path:
+    """Write netCDF under a temporary name, then rename: a killed run leaves no half file.
+
+    If the disk is full or not writable, the file goes to the system's temporary folder instead and a warning says so.
+
+    Returns
+    -------
+    Path
+        Where the file is.
+
+    Raises
+    ------
+    OSError
+        If neither place can be written.
+    """
+    path = Path(file)
+    try:
+        return _write(dataset, path)
+    except OSError as error:
+        fallback = Path(tempfile.gettempdir()) / path.name
+        if fallback.resolve() == path.resolve():
+            raise
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        _write(dataset, fallback)
+        logger.warning("could not write %s (%s); the result was saved as %s instead", path, reason, fallback)
+        return fallback
+
+
+def _write(dataset: xr.Dataset, path: Path) -> Path:
+    if not path.parent.is_dir():
+        raise OSError(errno.ENOENT, f"folder {path.parent} does not exist")
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        packed = {name: {"zlib": True, "complevel": 4} for name, v in dataset.data_vars.items() if v.dtype.kind == "f"}
+        dataset.to_netcdf(partial, engine="h5netcdf", encoding=packed)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def load_dataset(file: str | Path) -> xr.Dataset:
+    """Read a result written by `save_dataset` into memory."""
+    with xr.open_dataset(file, engine="h5netcdf") as dataset:
+        return dataset.load()
+
+
+def _quaternions(rotation: Array) -> Array:
+    """Unit quaternions (w, x, y, z), w >= 0, of rotation matrices; shape (..., 3, 3) -> (..., 4)."""
+    from scipy.spatial.transform import Rotation
+
+    q = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat(canonical=True, scalar_first=True)
+    return np.asarray(q).reshape(*rotation.shape[:-2], 4)

@@ -1,0 +1,154 @@
+"""simulate(): a maneuver drives a vehicle, soil and water push back, the result is a Dataset."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+
+from exumob.checks import require_positive
+from exumob.environment import Soil, Water
+from exumob.errors import SimulationError, SimulationInterrupted
+from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, NoWater
+from exumob.maneuver import Maneuver, lane_change
+from exumob.multibody import HISTORY_STEP, SETTLING_STEP, MultibodyVehicle
+from exumob.results import build_dataset
+from exumob.terrain import Terrain
+from exumob.vehicle import Vehicle
+
+logger = logging.getLogger(__name__)
+
+
+def simulate(
+    vehicle: Vehicle,
+    soil: Soil,
+    water: Water | None = None,
+    maneuver: Maneuver | None = None,
+    hydrodynamics: Hydrodynamics | None = None,
+    *,
+    duration: float = 8.0,
+    micro_step: float = 1.0e-4,
+    macro_step: float = 1.0e-3,
+    record_step: float = 1.0e-2,
+    terrain: Terrain | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> xr.Dataset:
+    """Run one vehicle through one maneuver (paper Fig. 2: macro steps of the water, micro steps of the vehicle).
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    soil : Soil
+    water : Water, optional
+        None: dry ground.
+    maneuver : Maneuver, optional
+        Default: the paper's lane change.
+    hydrodynamics : Hydrodynamics, optional
+        Default: `CoefficientHydrodynamics` in water, `NoWater` on dry ground.
+    duration : float
+        [s]
+    micro_step : float
+        Step of the multibody solver [s]; 1 ms must be a whole multiple of it.
+    macro_step : float
+        Interval at which the water's loads are renewed [s]; a whole multiple of `micro_step`.
+    record_step : float
+        Interval of the result [s]; a whole multiple of `micro_step`.
+    terrain : Terrain, optional
+        Default: flat at z = 0.
+    progress : callable, optional
+        Called with the time reached [s] after each macro step.
+
+    Returns
+    -------
+    xarray.Dataset
+        See `exumob.results.build_dataset`.
+
+    Raises
+    ------
+    ValueError
+        On input that cannot be run, before anything runs.
+    SimulationError
+        If the run breaks; ``error.result`` holds the Dataset up to then.
+    SimulationInterrupted
+        On Ctrl-C; a KeyboardInterrupt whose ``result`` holds the Dataset up to then.
+    """
+    maneuver = maneuver or lane_change()
+    terrain = terrain or Terrain()
+    if hydrodynamics is None:
+        hydrodynamics = NoWater() if water is None else CoefficientHydrodynamics()
+    _check_steps(duration, micro_step, macro_step, record_step)
+    _check_maneuver(vehicle, maneuver, duration)
+    began = time.perf_counter()
+    model = MultibodyVehicle(vehicle, soil, maneuver, terrain, micro_step, duration, record_step)
+    active = hydrodynamics
+    hydrodynamics.start(vehicle, water, SETTLING_STEP)
+    model.settle(lambda states: active.wrenches(states, lambda: states))
+    hydrodynamics.start(vehicle, water, macro_step)
+    settled = time.perf_counter()
+    steps = round(duration / macro_step)
+
+    def result(status: str) -> xr.Dataset:
+        walls = {"wall_time": time.perf_counter() - settled, "settling_wall_time": settled - began}
+        return build_dataset(
+            model, vehicle, soil, water, terrain, maneuver, active, status,
+            {"duration": duration, "micro_step": micro_step, "macro_step": macro_step, "record_step": record_step},
+            walls,
+        )  # fmt: skip
+
+    try:
+        for n in range(steps):
+            loads = hydrodynamics.wrenches(model.history, lambda: model.predict(macro_step))
+            if not np.isfinite(loads).all():
+                raise SimulationError(
+                    f"{type(hydrodynamics).__name__} gave a load that is not finite at {model.time:.4f} s; "
+                    "halve macro_step."
+                )
+            model.advance((n + 1) * macro_step, loads)
+            if progress is not None:
+                progress(model.time)
+    except SimulationError as error:
+        error.result = result(f"broke down at {model.time:.4f} s: {error}")
+        raise
+    except KeyboardInterrupt:
+        raise SimulationInterrupted(model.time, result(f"interrupted at {model.time:.4f} s")) from None
+    return result("completed")
+
+
+def _check_steps(duration: float, micro_step: float, macro_step: float, record_step: float) -> None:
+    require_positive(
+        "simulate", duration=duration, micro_step=micro_step, macro_step=macro_step, record_step=record_step
+    )
+    for name, coarse, fine_name, fine in (
+        ("the history step of 1 ms", HISTORY_STEP, "micro_step", micro_step),
+        ("macro_step", macro_step, "micro_step", micro_step),
+        ("record_step", record_step, "micro_step", micro_step),
+        ("duration", duration, "macro_step", macro_step),
+    ):
+        ratio = coarse / fine
+        if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6 * ratio:
+            raise ValueError(
+                f"simulate: {name} ({coarse:g} s) must be a whole multiple of {fine_name} = {fine:g} s; "
+                f"choose {fine_name} = {coarse / max(round(ratio), 1):g} s, say."
+            )
+
+
+def _check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> None:
+    times = np.linspace(0.0, duration, max(round(duration / 1e-2), 2))
+    steering = np.array([maneuver.steering(t) for t in times])
+    speed = np.array([maneuver.wheel_speed(t) for t in times])
+    if not (np.isfinite(steering).all() and np.isfinite(speed).all()):
+        raise ValueError("maneuver: steering or wheel_speed is not finite within the duration; mend its definition.")
+    largest = np.abs(steering[:, 0]).max()
+    if largest > vehicle.steering.limit:
+        raise ValueError(
+            f"maneuver: steers {np.degrees(largest):.1f} deg, beyond Steering.limit = "
+            f"{np.degrees(vehicle.steering.limit):.1f} deg of {vehicle.name}; steer less or raise the limit."
+        )
+    if np.abs(steering[0, :2]).max() > 1e-12 or np.abs(speed[0, :2]).max() > 1e-9:
+        raise ValueError(
+            f"maneuver: starts with steering {steering[0, 0]:.3g} rad and wheel speed {speed[0, 0]:.3g} rad/s; it must "
+            "start at rest, straight ahead, with zero rates (the vehicle starts in static equilibrium). Ramp them up."
+        )
