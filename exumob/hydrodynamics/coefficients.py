@@ -178,15 +178,15 @@ class CoefficientHydrodynamics:
         now = float(history.time[-1])
         if math.isnan(self._sampled_until):
             self._sampled_until = now
+        first = min(int(np.searchsorted(history.time, self._sampled_until + 1.0e-9)), len(history) - 1)
+        new = history[first:]
         parts, filter_times = np.zeros((3, 5, 6)), np.empty((5, 6))
         _evaluate(
             self._triangles, self._cells, self._first_triangle, self._strip_beams, self._scalars,
             self._drag_coefficients, self._sway_table, self._section_table, self._masses, self._water.velocity,
-            self.pore_pressure, self.added_mass, self._sampled_until, np.ascontiguousarray(history.time),
-            np.ascontiguousarray(history.position), np.ascontiguousarray(history.rotation),
-            np.ascontiguousarray(history.velocity), np.ascontiguousarray(history.angular_velocity),
-            np.ascontiguousarray(history.acceleration), np.ascontiguousarray(history.angular_acceleration),
-            self._filtered, self._added_mass_matrices, parts, filter_times,
+            self.pore_pressure, self.added_mass, self._sampled_until, _plain(new.time), _plain(new.position),
+            _plain(new.rotation), _plain(new.velocity), _plain(new.angular_velocity), _plain(new.acceleration),
+            _plain(new.angular_acceleration), self._filtered, self._added_mass_matrices, parts, filter_times,
         )  # fmt: skip
         self._sampled_until = now
         self._times.append(now)
@@ -235,8 +235,9 @@ def filter_time(macro_step: float, added_mass: float, mass: float) -> float:
     the error grows by m_a/m a step. With it tau a_f' = F/m - (1 + m_a/m) a_f, whose own time constant
     tau / (1 + m_a/m) is made `FILTER_STEPS` macro steps. Over one held step the error is then multiplied by
     1 - (1 + m_a/m) (1 - exp(-H / tau)), which lies between 1 - 1/FILTER_STEPS and 1: stable and free of overshoot for
-    any m_a/m. The lag is first order in H; it acts as a damper of about m_a omega^2 FILTER_STEPS H / (1 + m_a/m) on a
-    slow oscillation of the total mass.
+    any m_a/m. The price is a lag, first order in H: in an oscillation at omega the load is that of the added mass
+    m_a / (1 + (omega tau)^2) and of a damper omega^2 tau times as large, never a negative one. Halve the macro step
+    where that matters.
 
     Parameters
     ----------
@@ -276,6 +277,11 @@ def spheroid_added_mass(aspect: float) -> tuple[float, float]:
         gamma = 2.0 * (1.0 - e**2) / e**3 * (math.atanh(e) - e)
     alpha = 1.0 - 0.5 * gamma
     return alpha / (2.0 - alpha), gamma / (2.0 - gamma)
+
+
+def _plain(values: Array) -> Array:
+    """Writable copy in C order: one memory layout, so that the kernel is compiled once."""
+    return np.array(values, dtype=float, order="C")
 
 
 def _check_table(name: str, table: Table) -> None:
@@ -476,12 +482,8 @@ def _filter(
     filter_times: Array, filtered: Array,
 ) -> None:  # fmt: skip
     """Move the filtered acceleration (body axes) through the samples after `sampled_until`."""
-    n = time.shape[0]
-    first = n
-    while first > 0 and time[first - 1] > sampled_until + 1.0e-9:
-        first -= 1
     before = sampled_until
-    for sample in range(first, n):
+    for sample in range(time.shape[0]):
         interval = time[sample] - before
         before = time[sample]
         for k in range(6):
