@@ -172,7 +172,7 @@ class CoefficientHydrodynamics:
         self._masses = _rigid_masses(vehicle)
 
     def wrenches(self, history: BodyStates, predict: Callable[[], BodyStates]) -> Array:
-        """Loads for the macro step that begins now; `predict` is not called. See `Hydrodynamics`."""
+        """Return the loads for the macro step that begins now; `predict` is not called. See `Hydrodynamics`."""
         if self._water is None:
             return np.zeros((5, 6))
         now = float(history.time[-1])
@@ -200,7 +200,7 @@ class CoefficientHydrodynamics:
         return self._added_mass_matrices.copy()
 
     def save(self) -> tuple[Array, float, int]:
-        """Filtered accelerations, the time they reach and the number of macro steps recorded."""
+        """Return the filtered accelerations, the time they reach and the number of macro steps recorded."""
         return self._filtered.copy(), self._sampled_until, len(self._times)
 
     def restore(self, saved: tuple[Array, float, int]) -> None:
@@ -234,10 +234,10 @@ def filter_time(macro_step: float, added_mass: float, mass: float) -> float:
     The load is held over the macro step H while the body answers at once with a = (F - m_a a_f) / m: without a filter
     the error grows by m_a/m a step. With it tau a_f' = F/m - (1 + m_a/m) a_f, whose own time constant
     tau / (1 + m_a/m) is made `FILTER_STEPS` macro steps. Over one held step the error is then multiplied by
-    1 - (1 + m_a/m) (1 - exp(-H / tau)), which lies between 1 - 1/FILTER_STEPS and 1: stable and free of overshoot for
-    any m_a/m. The price is a lag, first order in H: in an oscillation at omega the load is that of the added mass
-    m_a / (1 + (omega tau)^2) and of a damper omega^2 tau times as large, never a negative one. Halve the macro step
-    where that matters.
+    1 - (1 + m_a/m) (1 - exp(-H / tau)), which lies between 1 - 1/FILTER_STEPS and exp(-1/FILTER_STEPS): stable and
+    free of overshoot for any m_a/m. The price is a lag, first order in H: in an oscillation at omega the load is that
+    of the added mass m_a / (1 + (omega tau)^2) and of a damper omega^2 tau times as large, never a negative one.
+    Halve the macro step where that matters.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def filter_time(macro_step: float, added_mass: float, mass: float) -> float:
 
 
 def spheroid_added_mass(aspect: float) -> tuple[float, float]:
-    """Added mass of a spheroid over its displaced mass, across and along its axis of symmetry.
+    """Return the added mass of a spheroid over its displaced mass, across and along its axis of symmetry.
 
     Parameters
     ----------

@@ -63,5 +63,5 @@ def flow_states(states: BodyStates, water: Water | None) -> Array:
 
 
 def _wrapped(angle: Array) -> Array:
-    """Same angle in (-pi, pi]."""
+    """Wrap an angle to (-pi, pi]."""
     return math.pi - np.mod(math.pi - angle, 2.0 * math.pi)

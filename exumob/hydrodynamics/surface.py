@@ -143,7 +143,7 @@ def body_surfaces(vehicle: Vehicle) -> tuple[Surface, Surface, Surface, Surface,
 
 
 def strip_edges(points: Array) -> Array:
-    """Ends of the hull's strips along x [m], shape (HULL_STRIPS + 1,), for points of shape (..., 3)."""
+    """Return the ends of the hull's strips along x [m], shape (HULL_STRIPS + 1,), for points of shape (..., 3)."""
     return np.linspace(points[..., 0].min(), points[..., 0].max(), HULL_STRIPS + 1)
 
 
@@ -215,7 +215,7 @@ def hydrostatic_wrench(
 
 
 def wetted(surface: Surface, rotation: ArrayLike, position: ArrayLike, level: float) -> Wetted:
-    """What of a body's surface is under water; parameters as for `hydrostatic_wrench`."""
+    """Measure what of a body's surface is under water; parameters as for `hydrostatic_wrench`."""
     sums, areas = _wet(surface, rotation, position, level)
     return Wetted(sums[12], sums[12] - sums[13], sums[14], sums[15], areas[:, :, 0].sum(axis=0))
 

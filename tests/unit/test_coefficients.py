@@ -88,6 +88,7 @@ def test_side_current_on_a_held_vehicle(boxy):
     rise = 0.1 - 0.12
     disk = 0.01 * math.acos(rise / 0.1) - rise * math.sqrt(0.01 - rise**2)
     np.testing.assert_allclose(drags[1:, 1], 0.5 * 1000.0 * 0.8**2 * 1.1 * disk, rtol=1e-2)
+    assert drags[0, 3] == pytest.approx((0.17 - 0.099) * drags[0, 1], rel=1e-9)  # acts below the centre of mass
     np.testing.assert_allclose(drags[0, [0, 2, 4, 5]], 0.0, atol=1e-12)
 
 
@@ -97,6 +98,24 @@ def test_yaw_rate_is_resisted_by_cross_flow(boxy):
     drags = drag(boxy, WATER, states, coefficients=Coefficients(hull_surge_drag=0.0))
     coefficient = np.interp(0.44 / 0.084, [3.0, 6.0], [1.3, 0.9])
     assert drags[0, 5] == pytest.approx(-coefficient * 1000.0 * 0.042 * 2.0**2 / 64.0, rel=2e-2)
+
+
+def test_yaw_rate_is_resisted_by_the_end_faces(boxy):
+    """Surge drag alone: the two halves of bow and stern at y = +-B/4 each see the speed r B/4."""
+    states = standing(boxy, angular_velocity=[0.0, 0.0, 2.0])
+    drags = drag(boxy, WATER, states, coefficients=Coefficients(hull_sway_drag=((0.1, 0.0), (1.0, 0.0))))
+    assert drags[0, 5] == pytest.approx(-0.5 * 0.81 * 1000.0 * 0.44 * 0.042 * 2.0**2 * 0.11**3, rel=1e-9)
+
+
+def test_roll_and_pitch_rates_are_resisted_by_the_bottom(boxy):
+    """Heave drag alone: half breadths at y = +-B/4 in roll; C/4 rho B q^2 L^4 / 32 in pitch, 2 % with twelve strips."""
+    only_heave = Coefficients(hull_surge_drag=0.0, hull_sway_drag=((0.1, 0.0), (1.0, 0.0)))
+    rolling = standing(boxy, angular_velocity=[2.0, 0.0, 0.0])
+    drags = drag(boxy, WATER, rolling, coefficients=only_heave, macro_step=1e-9)
+    assert drags[0, 3] == pytest.approx(-0.25 * 1.17 * 1000.0 * 0.44 * 2.0**2 * 0.11**3, rel=1e-6)
+    pitching = standing(boxy, angular_velocity=[0.0, 2.0, 0.0])
+    drags = drag(boxy, WATER, pitching, coefficients=only_heave, macro_step=1e-9)
+    assert drags[0, 4] == pytest.approx(-0.25 * 1.17 * 1000.0 * 0.44 * 2.0**2 / 32.0, rel=2e-2)
 
 
 def test_heave_drag_is_that_of_a_plate_half_when_only_the_bottom_is_wet(boxy):
@@ -246,7 +265,7 @@ def test_filter_is_stable_for_any_mass_ratio(ratio, macro_step):
         before, filtered = filtered, filtered + decay * (acceleration - filtered)
         assert before < filtered <= 1.0 / (1.0 + ratio) + 1e-15
     error = 1.0 - filtered * (1.0 + ratio)
-    assert 0.0 < error < 1.3 * math.exp(-steps / FILTER_STEPS) + 0.03
+    assert 0.0 < error < math.exp(-steps / FILTER_STEPS)
 
 
 def test_without_the_filter_a_heavy_added_mass_diverges():
@@ -336,6 +355,24 @@ def test_held_hydrostatics_do_not_pump_up_a_heaving_hull(boxy):
         speed += macro_step * acceleration
         heights.append(height - afloat)
     assert max(np.abs(heights[-100:])) == pytest.approx(0.02, rel=1e-2)
+
+
+def test_hydrostatics_are_those_half_a_step_ahead(vehicle):
+    """Against the model's own hydrostatics at the state moved on by half of 2 ms; second order: 0.2 % of the change."""
+    macro_step = 2e-3
+    for seed in range(5):
+        states = random_motion(vehicle, seed, speed=0.3)
+        spin = Rotation.from_rotvec(0.5 * macro_step * states.angular_velocity[0]).as_matrix()
+        ahead = standing(
+            vehicle,
+            position=states.position + 0.5 * macro_step * states.velocity,
+            rotation=spin @ states.rotation[0],
+        )
+        now = loads(vehicle, WATER, dataclasses.replace(states, velocity=0 * states.velocity), 1e-9)[HYDROSTATIC]
+        actual = loads(vehicle, WATER, states, macro_step)[HYDROSTATIC]
+        expected = loads(vehicle, WATER, ahead, 1e-9)[HYDROSTATIC]
+        assert np.abs(expected - now).max() > 0.1
+        np.testing.assert_allclose(actual, expected, atol=2e-3 * np.abs(expected - now).max())
 
 
 def driven(model, vehicle, steps, first=0):
