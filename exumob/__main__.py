@@ -1,0 +1,203 @@
+"""The command line: `exumob lane-change`, `exumob soils`."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import math
+import tempfile
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.logging import RichHandler
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_show_locals=False,
+    help="Predict how an off-road vehicle moves through shallow water on soft soil.",
+)
+console = Console()
+errors = Console(stderr=True)
+
+
+class WaterModel(StrEnum):
+    """What the water does to the vehicle."""
+
+    none = "none"
+    coefficients = "coefficients"
+
+
+@app.callback()
+def main() -> None:
+    """Predict how an off-road vehicle moves through shallow water on soft soil."""
+    logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[RichHandler(console=errors, show_time=False)])
+
+
+@app.command("lane-change")
+def lane_change_command(
+    depth_ratio: Annotated[float, typer.Option(help="Water depth over tyre diameter; 0 is dry ground.")] = 0.6,
+    current: Annotated[float, typer.Option(help="Speed of the head current [m/s].")] = 1.0,
+    steering: Annotated[float, typer.Option(help="Steering amplitude [deg]; negative mirrors the maneuver.")] = 30.0,
+    wheel_speed: Annotated[float, typer.Option(help="Final wheel speed [rad/s].")] = 10.0,
+    soil: Annotated[str, typer.Option(help="A published soil; `exumob soils` lists them.")] = "LETE sand",
+    hydrodynamics: Annotated[WaterModel, typer.Option(help="Water model.")] = WaterModel.coefficients,
+    vehicle: Annotated[
+        Path | None, typer.Option(help="Vehicle file (Python); default: the paper's 57 kg amphibious vehicle.")
+    ] = None,
+    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 8.0,
+    micro_step: Annotated[float, typer.Option(help="Step of the multibody solver [s].")] = 1e-4,
+    macro_step: Annotated[float, typer.Option(help="Interval at which the water's loads are renewed [s].")] = 1e-3,
+    output: Annotated[Path | None, typer.Option(help="Write the result here (netCDF).")] = None,
+    figure: Annotated[Path | None, typer.Option(help="Draw the run here (.png, .pdf, .svg).")] = None,
+    animate: Annotated[Path | None, typer.Option(help="Animate the run here (.gif or .mp4).")] = None,
+) -> None:
+    """Drive the single lane change of the paper through water on soft soil.
+
+    Example: exumob lane-change --depth-ratio 0.6 --current 1 --output run.nc --figure run.png
+    """
+    from exumob.environment import Soil, Water
+    from exumob.hydrodynamics import CoefficientHydrodynamics, NoWater
+    from exumob.maneuver import lane_change
+    from exumob.simulation import simulate
+    from exumob.vehicle import load_vehicle
+
+    targets = {"--output": output, "--figure": figure, "--animate": animate}
+    try:
+        _check_targets(targets)
+        car = load_vehicle(vehicle) if vehicle else importlib.import_module("vehicle_models.amphibious").amphibious_vehicle()
+        wet = depth_ratio != 0.0
+        water = Water.at_ratio(depth_ratio, current, tire_diameter=car.wheel.diameter) if wet else None
+        model = CoefficientHydrodynamics() if hydrodynamics is WaterModel.coefficients and wet else NoWater()
+        maneuver = lane_change(math.radians(steering), wheel_speed)
+        ground = Soil.published(soil)
+    except (ValueError, OSError) as error:
+        _fail(error)
+
+    from exumob.errors import SimulationError, SimulationInterrupted
+
+    code = 0
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.2f} of {task.total:g} s"),
+        TimeRemainingColumn(), console=errors, transient=True,
+    ) as bar:  # fmt: skip
+        task = bar.add_task("settling", total=duration)
+        try:
+            result = simulate(
+                car, ground, water, maneuver, model, duration=duration, micro_step=micro_step, macro_step=macro_step,
+                progress=lambda time: bar.update(task, completed=time, description="driving"),
+            )  # fmt: skip
+        except ValueError as error:
+            _fail(error)
+        except SimulationError as error:
+            if error.result is None:
+                _fail(error)
+            result, code = error.result, 1
+            errors.print(f"[red]{error}[/red]\nWhat was computed until then follows.", highlight=False)
+        except SimulationInterrupted as stop:
+            result, code = stop.result, 130
+            errors.print(f"[yellow]{stop}[/yellow]; what was computed until then follows.", highlight=False)
+    _report(result, targets)
+    raise typer.Exit(code)
+
+
+@app.command()
+def soils() -> None:
+    """List the published soils with their Bekker-Wong parameters."""
+    from exumob.environment import Soil
+
+    table = Table(
+        title="Published soils (Wong, Theory of Ground Vehicles)",
+        caption="k_c [kN/m^(n+1)], k_phi [kN/m^(n+2)], c [kPa], phi [deg], K [mm], c1, c2 [-]\n* and all c1, c2: chosen by soil class",
+        box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold",
+    )  # fmt: skip
+    table.add_column("soil", no_wrap=True)
+    for column in ("n", "k_c", "k_phi", "c", "phi", "K", "c1", "c2"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for row in Soil.published_table():
+        soil = row.soil
+        shear = f"{1e3 * soil.shear_modulus_x:.0f}{'' if row.shear_modulus_published else '*'}"
+        table.add_row(
+            row.name, f"{soil.n:g}", f"{soil.k_c / 1e3:.4g}", f"{soil.k_phi / 1e3:.4g}", f"{soil.cohesion / 1e3:.4g}",
+            f"{math.degrees(soil.friction_angle):.1f}", shear, f"{soil.c1:.2f}", f"{soil.c2:.2f}",
+        )  # fmt: skip
+    console.print(table)
+
+
+def _fail(error: Exception) -> NoReturn:
+    errors.print(f"[red]{error}[/red]", highlight=False, soft_wrap=True)
+    raise typer.Exit(2)
+
+
+def _check_targets(targets: dict[str, Path | None]) -> None:
+    """Find out before the run that a file cannot be written after it."""
+    for option, path in targets.items():
+        if path is None:
+            continue
+        if not path.parent.is_dir():
+            raise ValueError(f"{option} {path}: the folder {path.parent} does not exist; create it first.")
+        if path.is_dir():
+            raise ValueError(f"{option} {path}: this is a folder; give a file name.")
+        try:
+            with tempfile.TemporaryFile(dir=path.parent):
+                pass
+        except OSError as error:
+            raise ValueError(f"{option} {path}: the folder cannot be written ({error.strerror}).") from None
+    movie = targets.get("--animate")
+    if movie is not None and movie.suffix not in (".gif", ".mp4"):
+        raise ValueError(f"--animate {movie}: the ending {movie.suffix!r} is not known; use .gif or .mp4.")
+
+
+def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
+    from exumob.results import save_dataset, summary
+
+    if result.sizes["time"] > 1:
+        _print_summary(result, summary(result))
+    if targets["--output"]:
+        console.print(f"result    {save_dataset(result, targets['--output'])}", highlight=False)
+    if result.sizes["time"] < 3 or not (targets["--figure"] or targets["--animate"]):
+        return
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from exumob.plotting import animate_run, plot_run, save_figure
+
+    if targets["--figure"]:
+        console.print(f"figure    {save_figure(plot_run(result), targets['--figure'])}", highlight=False)
+    if targets["--animate"]:
+        with errors.status("drawing the animation"):
+            animate_run(result, targets["--animate"])
+        console.print(f"animation {targets['--animate']}", highlight=False)
+
+
+def _print_summary(result: xr.Dataset, figures: dict[str, float]) -> None:
+    from exumob.plotting import scenario_name
+
+    lines = {
+        "run": f"{result.attrs['title'].removeprefix('exumob run of ')}, {scenario_name(result)}, "
+        f"{result.attrs['hydrodynamics']}; {result.attrs['status'].split(':')[0]}",
+        "distance": f"{figures['distance']:.3f} m along the path, {figures['forward']:.3f} m forward",
+        "lateral displacement": f"{figures['lateral']:+.3f} m",
+        "final yaw": f"{math.degrees(figures['yaw']):+.2f} deg",
+        "drift angle": f"{math.degrees(figures['drift_angle']):+.2f} deg (course less heading, at the end)",
+        "slip": f"{100 * figures['mean_slip']:.1f} % (mean of the wheels, second half)",
+        "buoyed weight": f"{100 * figures['buoyed_share']:.1f} % carried by the water (mean)",
+        "driving energy": f"{figures['spin_energy']:.1f} J",
+        "wall time": f"{figures['wall_time']:.2f} s, and {float(result.attrs['settling_wall_time']):.2f} s to settle",
+        "real-time factor": f"{figures['real_time_factor']:.2f} (simulated over wall time)",
+    }
+    for name, text in lines.items():
+        console.print(f"[bold]{name:<21}[/bold] {text}", highlight=False)
+
+
+if __name__ == "__main__":
+    app()
