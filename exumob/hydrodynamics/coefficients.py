@@ -54,7 +54,8 @@ class Coefficients:
     """Rectangular section, by length along / height across the flow (here beam / twice the draught), Re 1e5: Munson et
     al., Fundamentals of Fluid Mechanics (6th ed.), Fig. 9.19; ratio 6: White, Fluid Mechanics, Table 7.2"""
     hull_heave_drag: float = 1.17
-    """Square plate across the flow: Hoerner (1965), Ch. 3; a hull whose bottom alone is wet feels half of it"""
+    """Square plate across the flow: Hoerner (1965), Ch. 3 (DNV-RP-H103, Table B-2: 1.16, and 1.20 at length/width 5);
+    a hull whose bottom alone is wet feels half of it"""
     wheel_plane_drag: float = 0.58
     """Open rotating wheel, width/diameter 0.28, on its frontal area: Matthews, Aeronautical Engineer's Data Book,
     Fig. 5.13 (a cylinder of length = diameter across the flow: 0.63, same table)"""
@@ -64,7 +65,7 @@ class Coefficients:
         (0.0, 1.00), (0.1, 1.14), (0.2, 1.21), (0.5, 1.36), (1.0, 1.51), (2.0, 1.70), (5.0, 1.98), (10.0, 2.23),
     )  # fmt: skip
     """Rectangular section 2a across by 2b along the motion, by b/a; times density pi a^2: DNV-RP-C205 (2010), App. D,
-    Table D-1"""
+    Table D-1 (a panel method gives the same to 0.01)"""
     plate_added_mass: Table = (
         (1.0, 0.579), (1.25, 0.642), (1.5, 0.690), (2.0, 0.757), (2.5, 0.801), (3.0, 0.830), (4.0, 0.872), (5.0, 0.897),
         (6.25, 0.917), (8.0, 0.934), (10.0, 0.947),

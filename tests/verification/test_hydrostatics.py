@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -219,14 +220,14 @@ def test_dry_body_feels_nothing(vehicle):
         np.testing.assert_array_equal(hydrostatic_wrench(surface, np.eye(3), [0, 0, 1.0], 0.1), 0.0)
 
 
-def test_cylinder_facets_converge():
-    """Half-immersed lift is exact by symmetry; at 30 % immersion the facets' error falls with the second order."""
-    errors = []
-    for segments in (12, 24, 48):
-        wrench = hydrostatic_wrench(cylinder_surface(0.1, 0.08, segments), np.eye(3), [0, 0, 1.04], 1.0, DENSITY)
-        errors.append(abs(wrench[2] / (DENSITY * GRAVITY * 0.08 * segment(0.1, 0.06)) - 1.0))
-    assert errors[1] < 1e-2
-    assert errors[2] < 0.5 * errors[0]
+def test_faceted_wheel_lifts_like_a_cylinder():
+    """Any immersion and any turn of the facets: 0.1 % of the exact segment."""
+    surface = cylinder_surface(0.1, 0.08)
+    for immersion in (0.02, 0.06, 0.1, 0.16):
+        exact = DENSITY * GRAVITY * 0.08 * segment(0.1, immersion)
+        for angle in np.linspace(0.0, 0.3, 7):
+            wrench = hydrostatic_wrench(surface, turn("y", angle), [0, 0, 1.1 - immersion], 1.0, DENSITY)
+            assert np.linalg.norm(wrench[:3]) == pytest.approx(exact, rel=1e-3)
 
 
 def test_mesh_hull_equals_the_box_hull(vehicle, tmp_path):
@@ -256,4 +257,10 @@ def test_bad_meshes_are_refused(tmp_path):
     with pytest.raises(ValueError, match="not watertight"):
         mesh_triangles(tmp_path / "holed.stl")
     with pytest.raises(FileNotFoundError, match=r"hull\.stl"):
+        mesh_triangles(tmp_path / "hull.stl")
+
+
+def test_missing_trimesh_says_how_to_get_it(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    with pytest.raises(ImportError, match=r"exumob\[mesh\]"):
         mesh_triangles(tmp_path / "hull.stl")
