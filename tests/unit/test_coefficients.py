@@ -169,6 +169,31 @@ def test_port_and_starboard_mirror(vehicle):
         np.testing.assert_allclose(there, here[:, swap] * sign, rtol=1e-9, atol=1e-9)
 
 
+def test_the_same_in_a_turned_world(vehicle):
+    """World, motion, acceleration and current turned by 1.1 rad: the same loads in body axes, added mass included."""
+    turn = Rotation.from_euler("z", 1.1).as_matrix()
+    results = []
+    for rotation, direction in ((np.eye(3), 2.0), (turn, 3.1)):
+        states = random_motion(vehicle, 0)
+        pushes = np.random.default_rng(1).normal(size=(2, 1, 5, 3))
+        history = standing(
+            vehicle,
+            n=20,
+            position=states.position @ rotation.T,
+            rotation=rotation @ states.rotation,
+            velocity=states.velocity @ rotation.T,
+            angular_velocity=states.angular_velocity @ rotation.T,
+            acceleration=pushes[0] @ rotation.T,
+            angular_acceleration=pushes[1] @ rotation.T,
+        )
+        model = CoefficientHydrodynamics()
+        model.start(vehicle, Water(0.12, 0.7, direction), 1e-2)
+        model.wrenches(history[:1], None)
+        results.append(model.wrenches(history, None))
+        assert np.abs(model.record()["added_mass_load"].values[1]).max() > 1.0
+    np.testing.assert_allclose(*results, rtol=1e-9, atol=1e-9)
+
+
 def largest_step(vehicle, make_states, values, **options):
     model = CoefficientHydrodynamics(**options)
     model.start(vehicle, Water(0.12, 0.5, 2.0), 1e-6)
