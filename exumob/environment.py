@@ -96,7 +96,9 @@ class Soil:
         require_within("Soil", 0.0, 1.0, c1=self.c1, c2=self.c2, rebound_ratio=self.rebound_ratio)
         require_within("Soil", 0.0, 1.0e3, damping=self.damping)
         if self.k_c == 0.0 and self.k_phi == 0.0:
-            raise ValueError("Soil.k_c = 0 and Soil.k_phi = 0: such a soil carries no load; give at least one of them > 0.")
+            raise ValueError(
+                "Soil.k_c = 0 and Soil.k_phi = 0: such a soil carries no load; give at least one of them > 0."
+            )
         if self.c1 + self.c2 > 1.0 + 1e-12:
             raise ValueError(
                 f"Soil.c1 + Soil.c2 = {self.c1 + self.c2:g} must be <= 1: at full slip the maximum pressure would lie "
@@ -152,7 +154,11 @@ class Soil:
         near += [entry for key, entry in lowered.items() if wanted and wanted in key and entry not in near]
         raise ValueError(
             f"Soil.published: no soil is called {name!r}; "
-            + (f"did you mean {', '.join(map(repr, near))}?" if near else f"the table holds {', '.join(map(repr, known))}.")
+            + (
+                f"did you mean {', '.join(map(repr, near))}?"
+                if near
+                else f"the table holds {', '.join(map(repr, known))}."
+            )
         )
 
     @staticmethod
@@ -217,8 +223,8 @@ SOIL_CLASSES = {
     ),
     "snow": (
         0.0375, 0.18, 0.32,
-        "K in the middle of 25 to 50 mm for fresh snow (Wong, Theory of Ground Vehicles); c1, c2 published for no snow: "
-        "those of loose sand, the other very compressible ground",
+        "K in the middle of 25 to 50 mm for fresh snow (Wong, Theory of Ground Vehicles); c1, c2 published for no "
+        "snow: those of loose sand, the other very compressible ground",
     ),
     "planetary": (0.010, 0.40, 0.15, "c1, c2 after Ishigami et al. (J. Field Robotics 24 (2007) 233)"),
 }  # fmt: skip
@@ -242,9 +248,8 @@ def _published() -> tuple[PublishedSoil, ...]:
         )  # fmt: skip
         if modulus and "; " in why:
             why = why.split("; ", 1)[1]
-        source = (
-            f"n, k_c, k_phi, c, phi{', K' if modulus else ''}: published; class {kind!r}: {why}; K_y = K_x, no rebound (ours)"
-        )
+        known = "n, k_c, k_phi, c, phi, K" if modulus else "n, k_c, k_phi, c, phi"
+        source = f"{known}: published; class {kind!r}: {why}; K_y = K_x, no rebound (ours)"
         rows.append(PublishedSoil(name, soil, bool(modulus), source))
     return tuple(rows)
 
@@ -310,6 +315,4 @@ class Water:
     @property
     def velocity(self) -> NDArray[np.float64]:
         """Velocity of the undisturbed flow, world axes [m/s], shape (3,)."""
-        return self.current_speed * np.array(
-            [math.cos(self.current_direction), math.sin(self.current_direction), 0.0]
-        )
+        return self.current_speed * np.array([math.cos(self.current_direction), math.sin(self.current_direction), 0.0])

@@ -51,7 +51,12 @@ class Terrain:
     def __post_init__(self) -> None:
         require_finite("Terrain", height=self.height, origin_x=self.origin[0], origin_y=self.origin[1])
         require_within(
-            "Terrain", -2.0, 2.0, "slopes are rise over run: math.tan(angle).", slope_x=self.slope_x, slope_y=self.slope_y
+            "Terrain",
+            -2.0,
+            2.0,
+            "slopes are rise over run: math.tan(angle).",
+            slope_x=self.slope_x,
+            slope_y=self.slope_y,
         )
         dx, dy = self.spacing if isinstance(self.spacing, tuple) else (self.spacing, self.spacing)
         require_positive("Terrain", spacing_x=dx, spacing_y=dy)
@@ -59,7 +64,7 @@ class Terrain:
             field = np.array(self.heights, dtype=float)
             if field.ndim != 2 or min(field.shape) < 2:
                 raise ValueError(
-                    f"Terrain.heights has shape {field.shape}; give a two-dimensional array (n_y, n_x), 2 by 2 or larger."
+                    f"Terrain.heights has shape {field.shape}; give a 2-D array (n_y, n_x), 2 by 2 or larger."
                 )
             if not np.isfinite(field).all():
                 where = tuple(int(i) for i in np.argwhere(~np.isfinite(field))[0])
@@ -70,7 +75,7 @@ class Terrain:
 
     @classmethod
     def slope(cls, angle: float, direction: float = 0.0) -> Terrain:
-        """A plane through the world's origin.
+        """Make a plane through the world's origin.
 
         Parameters
         ----------
@@ -127,7 +132,7 @@ def _spline_slopes(t: float) -> tuple[float, float, float, float]:
 
 
 @njit(cache=True, error_model="numpy")
-def terrain_height(parameters, heights, x, y):  # type: ignore[no-untyped-def]
+def terrain_height(parameters: Array, heights: Array, x: float, y: float) -> tuple[float, float, float]:
     """Height and slopes of the terrain, for compiled code.
 
     Parameters

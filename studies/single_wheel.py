@@ -1,27 +1,32 @@
-"""How far can Bekker-Wong be trusted for one wheel? Four published tests of a rigid wheel on soil (20 s on one core).
+"""How far can Bekker-Wong be trusted for one wheel? Four published tests of a rigid wheel on soil (6 s on one core).
 
 - `single_wheel_stress.png`: the stresses of paper Fig. 1 on the wheel of ``vehicle_models/amphibious.py``.
-- `single_wheel_cmu.png`: CMU tests of a small wheel on dry sand, smooth and with grousers. The soil is calibrated at side-slip
-  angle 0 only (longitudinal force and sinkage at the measured load); 15 to 90 degrees are predictions.
-- `single_wheel_wong_reece.png`: the driven wheels of Wong & Reece (1967), Reece's pressure form. The data file holds their
-  soils and loads but no measured curve, so this is a computation, not a comparison: it is checked against what must hold
-  (a wider wheel sinks less and pulls more on the same sand; torque and pull grow with slip).
-- `single_wheel_mgru3.png`: slip over slope of the MGRU3 wheel on GRC-1 sand. Three times: blind, with the table's lunar soil (which
-  GRC-1 imitates: Oravec et al., J. Terramechanics 47 (2010) 361); and with the friction angle, or else the shear modulus,
-  calibrated on one point, the one nearest 15 degrees. Grousers (24 of 30 mm, closer than three heights) are taken to hold the soil between them: a smooth wheel
-  out to the tips, r = 0.255 m. The width of 0.200 m is that of the public Chrono model of this test.
+- `single_wheel_cmu.png`: CMU tests of a small wheel on dry sand, smooth and with grousers. The soil is calibrated at
+  side-slip angle 0 only (longitudinal force and sinkage at the measured load); 15 to 90 degrees are predictions.
+- `single_wheel_wong_reece.png`: the driven wheels of Wong & Reece (1967), Reece's pressure form. The data file holds
+  their soils and loads but no measured curve, so this is a computation, not a comparison: it is checked against what
+  must hold (a wider wheel sinks less and pulls more on the same sand; torque and pull grow with slip).
+- `single_wheel_mgru3.png`: slip over slope of the MGRU3 wheel on GRC-1 sand. Three times: blind, with the table's lunar
+  soil (which GRC-1 imitates: Oravec et al., J. Terramechanics 47 (2010) 361); and with the friction angle, or else the
+  shear modulus, calibrated on one point, the one nearest 15 degrees. Grousers (24 of 30 mm, closer than three heights)
+  are taken to hold the soil between them: a smooth wheel out to the tips, r = 0.255 m. The width of 0.200 m is that of
+  the public Chrono model of this test.
 
 Where Bekker-Wong is known to fail, and does so here:
 
 - Wheels smaller than about 0.5 m in diameter: the plate pressures overestimate what a short curved patch carries
-  (Meirion-Griffith & Spenko, J. Terramechanics 48 (2011) 149). All wheels here but Wong & Reece's are smaller; calibration hides it.
-- Slip sinkage: sand is dug out from under a spinning or skidding wheel; the model sinks only by the shear's vertical part.
-- Side force: the wall of the rut pushes against the wheel's side (bulldozing). The model has shear under the patch only, so it
-  falls short as the side-slip angle and the sinkage grow (Ishigami et al., J. Field Robotics 24 (2007) 233, add such a term).
+  (Meirion-Griffith & Spenko, J. Terramechanics 48 (2011) 149). All wheels here but Wong & Reece's are smaller;
+  calibration hides it.
+- Slip sinkage: sand is dug out from under a spinning or skidding wheel; the model sinks only by the shear's vertical
+  part.
+- Side force: the wall of the rut pushes against the wheel's side (bulldozing). The model has shear under the patch
+  only, so it falls short as the side-slip angle and the sinkage grow (Ishigami et al., J. Field Robotics 24 (2007) 233,
+  add such a term).
 - Sinkage beyond the wheel centre (CMU at 75 and 90 degrees): the patch geometry ends there.
-- High slip on slopes: grousers dig and push soil backwards, so the pull keeps growing with slip when Eq. (4) has saturated. The
-  calibrated model cannot climb the 20 and 25 degrees that the MGRU3 wheel climbs at 76 and 88 % slip.
-- Strength per axis (paper Eq. 4): at 90 degrees of side slip the spin's shear keeps its full strength next to the side force.
+- High slip on slopes: the measured pull keeps growing with slip (grousers dig and push soil backwards) where Eq. (4) has
+  saturated. The calibrated model cannot climb the 20 and 25 degrees that the MGRU3 wheel climbs at 76 and 88 % slip.
+- Strength per axis (paper Eq. 4): at 90 degrees of side slip the spin's shear keeps its full strength next to the side
+  force.
 """
 
 from __future__ import annotations
@@ -168,12 +173,17 @@ def run_cmu() -> tuple[dict[str, xr.Dataset], dict[str, Soil]]:
             name: ("test", data[name.removeprefix("vertical_")], {"units": unit, "long_name": text})
             for name, unit, text in (
                 ("slip", "1", "slip ratio of the rim speed against the carriage"), ("angle", "rad", "side-slip angle"),
-                ("vertical_load", "N", "measured vertical load"), ("longitudinal_force", "N", "measured longitudinal force on the wheel"),
+                ("vertical_load", "N", "measured vertical load"),
+                ("longitudinal_force", "N", "measured longitudinal force on the wheel"),
                 ("side_force", "N", "measured side force on the wheel"), ("sinkage", "m", "measured sinkage"),
             )
         }  # fmt: skip
         for i, (name, unit) in enumerate((("longitudinal_force", "N"), ("side_force", "N"), ("sinkage", "m"))):
-            columns[f"model_{name}"] = ("test", model[:, i], {"units": unit, "long_name": f"computed {name.replace('_', ' ')}"})
+            columns[f"model_{name}"] = (
+                "test",
+                model[:, i],
+                {"units": unit, "long_name": f"computed {name.replace('_', ' ')}"},
+            )
         results[kind] = xr.Dataset(columns)
     return results, soils
 
@@ -189,10 +199,19 @@ def cmu_errors(tests: xr.Dataset) -> xr.Dataset:
         share = float(np.isfinite(chosen.model_sinkage).mean())
         rows.append([float(np.sqrt((e**2).mean())) for e in (force, side, depth)] + [share])
     names = ("longitudinal_force", "side_force", "sinkage", "carried")
-    texts = ("rms error over load", "rms error over load", "rms error over radius", "share of tests in which the model carries the load")
+    texts = (
+        "rms error over load",
+        "rms error over load",
+        "rms error over radius",
+        "share of tests in which the model carries the load",
+    )
     return xr.Dataset(
         {
-            name: ("angle", [row[i] for row in rows], {"units": "1", "long_name": f"{name.replace('_', ' ')}: {texts[i]}"})
+            name: (
+                "angle",
+                [row[i] for row in rows],
+                {"units": "1", "long_name": f"{name.replace('_', ' ')}: {texts[i]}"},
+            )
             for i, name in enumerate(names)
         },
         coords={"angle": ("angle", list(CMU_ANGLES), {"units": "degree", "long_name": "side-slip angle"})},
@@ -239,7 +258,11 @@ def run_wong_reece(slips: Array) -> xr.Dataset:
             "drawbar_pull": (("case", "slip"), result[..., 0], {"units": "N", "long_name": "drawbar pull"}),
             "torque": (("case", "slip"), result[..., 1], {"units": "N m", "long_name": "driving torque"}),
             "sinkage": (("case", "slip"), result[..., 2], {"units": "m", "long_name": "sinkage"}),
-            "vertical_load": ("case", [load for _, _, load in cases.values()], {"units": "N", "long_name": "vertical load"}),
+            "vertical_load": (
+                "case",
+                [load for _, _, load in cases.values()],
+                {"units": "N", "long_name": "vertical load"},
+            ),
         },
         coords={"case": list(cases), "slip": ("slip", slips, {"units": "1", "long_name": "slip ratio"})},
     )
@@ -304,7 +327,10 @@ def run_mgru3(slopes: Array) -> tuple[xr.Dataset, dict[str, Soil]]:
     data = xr.Dataset(
         {
             "slip": (("soil", "slope"), [[slip_on_slope(s, b) for b in slopes] for s in soils.values()]),
-            "slip_at_tests": (("soil", "test"), [[slip_on_slope(s, b) for b in measured_slope] for s in soils.values()]),
+            "slip_at_tests": (
+                ("soil", "test"),
+                [[slip_on_slope(s, b) for b in measured_slope] for s in soils.values()],
+            ),
             "measured_slip": ("test", measured_slip),
             "measured_slope": ("test", measured_slope, {"units": "rad", "long_name": "slope of the test bed"}),
         },
@@ -333,7 +359,8 @@ def plot_cmu(results: dict[str, xr.Dataset]) -> Figure:
     """Measured points and computed lines over slip, one column a quantity, one row a wheel."""
     figure, grid = plt.subplots(2, 3, figsize=(11.5, 6.6), layout="constrained", sharex=True, sharey="col")
     quantities = (
-        ("longitudinal_force", "longitudinal force / load [-]"), ("side_force", "side force / load [-]"), ("sinkage", "sinkage [mm]")
+        ("longitudinal_force", "longitudinal force / load [-]"), ("side_force", "side force / load [-]"),
+        ("sinkage", "sinkage [mm]"),
     )  # fmt: skip
     for k, (kind, tests) in enumerate(results.items()):
         row = grid[k]
@@ -372,7 +399,7 @@ def plot_wong_reece(data: xr.Dataset) -> Figure:
     for axes, label in zip(row, ("drawbar pull / load [-]", "torque / (load r) [-]", "sinkage [mm]"), strict=True):
         _style(axes, "slip [%]", label)
     figure.suptitle(
-        "Driven rigid wheels of Wong & Reece (1967), r = 0.627 m: computed with Reece's pressure form (no measured curves at hand)",
+        "Driven rigid wheels of Wong & Reece (1967), r = 0.627 m: computed with Reece's pressure form; no measured curves",
         fontsize=10,
     )
     return figure
@@ -382,8 +409,8 @@ def plot_mgru3(data: xr.Dataset, soils: dict[str, Soil]) -> Figure:
     """Slip over slope."""
     figure, axes = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
     labels = {
-        "blind": "lunar soil of the table, φ = 35°, K = 10 mm (blind)",
-        "friction": f"φ = {math.degrees(soils['friction'].friction_angle):.1f}°, calibrated on the ringed point",
+        "blind": "lunar soil of the table, $\\phi$ = 35°, K = 10 mm (blind)",
+        "friction": f"$\\phi$ = {math.degrees(soils['friction'].friction_angle):.1f}°, calibrated on the ringed point",
         "modulus": f"K = {1e3 * soils['modulus'].shear_modulus_x:.1f} mm, calibrated on the ringed point",
     }
     for color, name in zip(COLORS, soils, strict=False):
@@ -395,7 +422,9 @@ def plot_mgru3(data: xr.Dataset, soils: dict[str, Soil]) -> Figure:
     axes.set_ylim(-8.0, 118.0)
     axes.legend(frameon=False, fontsize=8.5, loc="upper left")
     _style(axes, "slope [deg]", "slip [%]")
-    figure.suptitle("MGRU3 wheel on GRC-1: slip at which it climbs; a line ends where the model cannot climb", fontsize=10)
+    figure.suptitle(
+        "MGRU3 wheel on GRC-1: slip at which it climbs; a line ends where the model cannot climb", fontsize=10
+    )
     return figure
 
 
@@ -410,8 +439,8 @@ def plot_stress(soil: Soil) -> Figure:
     left.fill(1e3 * radius * np.sin(turn), 1e3 * radius * np.cos(turn), color="0.92", ec="0.35", lw=1.4)
     level = 1e3 * (sinkage - radius)
     entry_x = 1e3 * radius * math.sin(forces.entry_angle)
-    left.plot([entry_x, 135.0], [level, level], color="#8a6d3b", lw=2)
-    left.plot([-125.0, 0.0], [-1e3 * radius] * 2, color="#8a6d3b", lw=2)
+    left.plot([entry_x, 115.0], [level, level], color="#8a6d3b", lw=2)
+    left.plot([-80.0, 0.0], [-1e3 * radius] * 2, color="#8a6d3b", lw=2)
     scale = 45.0 / full.normal.max()  # [mm/Pa]
     rim, outward, along = (
         1e3 * radius * np.array([np.sin(full.angle), -np.cos(full.angle)]),
@@ -428,28 +457,52 @@ def plot_stress(soil: Soil) -> Figure:
     left.quiver(*tail, *(rim[:, pick] - tail), color=COLORS[0], **arrows)
     start = (rim - 0.5 * scale * full.shear_x * outward)[:, pick[::2]]
     left.quiver(*start, *(scale * full.shear_x * along)[:, pick[::2]], color=COLORS[1], **arrows)
-    for text, angle, shift in (("$\\theta_f$", forces.entry_angle, (4, 6)), ("$\\theta_m$", forces.maximum_pressure_angle, (-44, 0))):
+    for text, angle, shift in (
+        ("$\\theta_f$", forces.entry_angle, (4, 6)),
+        ("$\\theta_m$", forces.maximum_pressure_angle, (-44, 0)),
+    ):
         tip = 1e3 * radius * np.array([math.sin(angle), -math.cos(angle)])
         left.plot([0, tip[0]], [0, tip[1]], color="0.4", lw=0.8, ls="--")
         left.annotate(
-            f"{text} = {math.degrees(angle):.0f}°", 0.45 * tip, xytext=shift, textcoords="offset points", fontsize=10, color="0.25"
+            f"{text} = {math.degrees(angle):.0f}°",
+            0.45 * tip,
+            xytext=shift,
+            textcoords="offset points",
+            fontsize=10,
+            color="0.25",
         )
     left.plot([0, 0], [0, -1e3 * radius], color="0.4", lw=0.8)
-    left.annotate("", (40, 118), (-40, 118), arrowprops={"arrowstyle": "->", "color": "0.3"})
-    left.text(-14, 124, "travel", fontsize=9, color="0.3")
+    left.annotate("", (-20, -25), (-60, -25), arrowprops={"arrowstyle": "->", "color": "0.3"})
+    left.text(-52, -21, "travel", fontsize=9, color="0.3")
     left.set_aspect("equal")
-    left.set(xlim=(-125, 135), ylim=(-155, 145))
+    left.set(xlim=(-80, 115), ylim=(-150, 12))
     _style(left, "x [mm]", "z from the wheel centre [mm]")
-    left.set_title(f"slip {100 * slip:.0f} %: normal (blue, drawn outward) and shear stress (red, inward)", fontsize=10)
+    left.set_title(f"slip {100 * slip:.0f} %: normal (blue) and shear stress (red) on the rim", fontsize=10)
     for style, slip in zip((":", "-", "--"), (-0.3, 0.2, 0.8), strict=True):
         v_x = radius * omega * (1.0 - slip) if slip > 0.0 else radius * omega / (1.0 + slip)
         s = contact_stresses(soil, radius, width, sinkage, (v_x, 0.0, 0.0), omega)
-        right.plot(np.degrees(s.angle), 1e-3 * s.normal, style, color=COLORS[0], lw=1.7, label=f"σ, slip {100 * slip:.0f} %")
-        right.plot(np.degrees(s.angle), 1e-3 * s.shear_x, style, color=COLORS[1], lw=1.7, label=f"τ, slip {100 * slip:.0f} %")
+        right.plot(
+            np.degrees(s.angle),
+            1e-3 * s.normal,
+            style,
+            color=COLORS[0],
+            lw=1.7,
+            label=f"$\\sigma$, slip {100 * slip:.0f} %",
+        )
+        right.plot(
+            np.degrees(s.angle),
+            1e-3 * s.shear_x,
+            style,
+            color=COLORS[1],
+            lw=1.7,
+            label=f"$\\tau$, slip {100 * slip:.0f} %",
+        )
     right.axhline(0.0, color="0.4", lw=0.8)
     right.legend(frameon=False, fontsize=9, ncols=3, loc="upper center", bbox_to_anchor=(0.5, 1.14))
-    _style(right, "angle from the vertical θ [deg]", "stress [kPa]")
-    figure.suptitle(f"Stresses on the wheel, paper Eqs. (3) and (4): {soil.name}, sinkage {1e3 * sinkage:.0f} mm", fontsize=11)
+    _style(right, "angle from the vertical $\\theta$ [deg]", "stress [kPa]")
+    figure.suptitle(
+        f"Stresses on the wheel, paper Eqs. (3) and (4): {soil.name}, sinkage {1e3 * sinkage:.0f} mm", fontsize=11
+    )
     return figure
 
 
@@ -475,13 +528,16 @@ def main(quick: bool = False) -> xr.Dataset:
     result = xr.Dataset(errors)
     result = result.merge(wong_reece.rename(slip="wong_reece_slip"))
     result = result.merge(mgru3.rename(slip="mgru3_slip", slip_at_tests="mgru3_slip_at_tests", test="mgru3_test"))
-    soils = {**{f"cmu_{kind}": s for kind, s in cmu_soils.items()}, **{f"mgru3_{kind}": s for kind, s in mgru3_soils.items()}}
+    soils = {
+        **{f"cmu_{kind}": s for kind, s in cmu_soils.items()},
+        **{f"mgru3_{kind}": s for kind, s in mgru3_soils.items()},
+    }
     result.attrs["soils"] = json.dumps({name: asdict(soil) for name, soil in soils.items()})
     if not quick:
         FIGURES.mkdir(exist_ok=True)
         for name, figure in (
-            ("cmu", plot_cmu(cmu)), ("wong_reece", plot_wong_reece(wong_reece)), ("mgru3", plot_mgru3(mgru3, mgru3_soils)),
-            ("stress", plot_stress(Soil.published("LETE sand"))),
+            ("cmu", plot_cmu(cmu)), ("wong_reece", plot_wong_reece(wong_reece)),
+            ("mgru3", plot_mgru3(mgru3, mgru3_soils)), ("stress", plot_stress(Soil.published("LETE sand"))),
         ):  # fmt: skip
             figure.savefig(FIGURES / f"single_wheel_{name}.png", dpi=110)
             plt.close(figure)
@@ -491,7 +547,9 @@ def main(quick: bool = False) -> xr.Dataset:
 if __name__ == "__main__":
     table = main()
     for wheel in ("smooth", "grouser"):
-        print(f"CMU {wheel} wheel: rms error of longitudinal force / load, side force / load, sinkage / radius, share carried")
+        print(
+            f"CMU {wheel} wheel: rms error of longitudinal force / load, side force / load, sinkage / radius; carried"
+        )
         for degrees in CMU_ANGLES:
             row = table.sel(side_slip_angle=degrees)
             names = ("longitudinal_force", "side_force", "sinkage", "carried")

@@ -1,0 +1,112 @@
+"""What does one wheel cost, and how exact is it? Time per call of the kernel in a compiled loop against adaptive
+quadrature.
+
+Run: python benchmarks/terramechanics.py
+The kernel is timed as the vehicle uses it (from compiled code), at the default number of nodes and at others; "error"
+is the worst over random states of all published soils, relative to the resultant force (see
+tests/verification/test_terramechanics_quadrature.py).
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+from numba import njit
+
+from exumob import terramechanics
+from exumob.environment import Soil
+
+VERIFICATION = Path(__file__).parents[1] / "tests" / "verification" / "test_terramechanics_quadrature.py"
+STATES = {
+    "driving": (0.010, 0.80, 0.10, 10.0),
+    "braking, shear reverses": (0.020, 1.15, 0.10, 10.0),
+    "locked": (0.010, 0.50, 0.10, 0.0),
+    "at rest": (0.010, 1e-4, 1e-4, 1e-3),
+}  # sinkage [m], v_x, v_y [m/s], spin [rad/s]
+
+
+def load(path: Path, name: str) -> ModuleType:
+    """Import a file as a module."""
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def with_nodes(count: int, folder: Path) -> ModuleType:
+    """The kernel's module with another number of nodes (they are constants of the compiled code)."""
+    text = Path(terramechanics.__file__).read_text().replace(f"NODES = {terramechanics.NODES}", f"NODES = {count}")
+    path = folder / f"terramechanics_{count}.py"
+    path.write_text(text.replace("cache=True, ", ""))
+    return load(path, path.stem)
+
+
+def microseconds(module: ModuleType, soil: np.ndarray, state: tuple[float, ...], calls: int = 20_000) -> float:
+    """Best of five loops."""
+    kernel = module.wheel_soil_kernel
+
+    @njit
+    def loop(soil, sinkage, v_x, v_y, omega, calls, out):  # type: ignore[no-untyped-def]
+        total = 0.0
+        for i in range(calls):
+            kernel(soil, 0.1, 0.08, sinkage + 1e-9 * i, v_x, v_y, 0.0, omega, 0.01, out)
+            total += out[0]
+        return total
+
+    out, best = np.empty(12), np.inf
+    loop(soil, *state, 10, out)
+    for _ in range(5):
+        start = time.perf_counter()
+        loop(soil, *state, calls, out)
+        best = min(best, time.perf_counter() - start)
+    return 1e6 * best / calls
+
+
+def main() -> None:
+    """Print the two tables."""
+    verification = load(VERIFICATION, "verification")
+    soil = Soil.published("LETE sand")
+    rng = np.random.default_rng(0)
+    cases = [
+        (replace(row.soil, rebound_ratio=0.1), *verification.random_state(rng, regime))
+        for row in Soil.published_table()
+        for regime in verification.REGIMES
+    ]
+    start = time.perf_counter()
+    references = [verification.reference(*case) for case in cases]
+    quadrature = 1e6 * (time.perf_counter() - start) / len(cases)
+
+    default = microseconds(terramechanics, soil.as_array(), STATES["driving"])
+    print(f"{'nodes':>8} {'us a wheel':>11} {'time':>8} {'worst error':>12}   (driving; {len(cases)} states)")
+    with tempfile.TemporaryDirectory() as folder:
+        for count in (8, 12, terramechanics.NODES, 24, 32):
+            module = with_nodes(count, Path(folder)) if count != terramechanics.NODES else terramechanics
+            worst = 0.0
+            for (case_soil, r, b, z, v, omega), exact in zip(cases, references, strict=True):
+                out = np.empty(12)
+                module.wheel_soil_kernel(case_soil.as_array(), r, b, z, *v, omega, verification.RATE, out)
+                scale = np.linalg.norm(exact[:3]) * np.array([1.0, 1.0, 1.0, r, r, r])
+                worst = max(worst, float((np.abs(out[:6] - exact) / scale).max()))
+            cost = microseconds(module, soil.as_array(), STATES["driving"])
+            mark = "  <- default" if count == terramechanics.NODES else ""
+            print(f"{count:8d} {cost:11.3f} {cost / default:7.2f}x {worst:12.1e}{mark}")
+    print(f"{'adaptive':>8} {quadrature:11.0f} {quadrature / default:7.0f}x {'reference':>12}\n")
+
+    print(f"{'regime':>25} {'per axis':>10} {'resultant':>10}   us a wheel, {terramechanics.NODES} nodes")
+    resultant = replace(soil, shear_limit="resultant").as_array()
+    for name, state in STATES.items():
+        pair = [microseconds(terramechanics, packed, state) for packed in (soil.as_array(), resultant)]
+        print(f"{name:>25} {pair[0]:10.3f} {pair[1]:10.3f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""Soil: units, published table, bad input."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from exumob.environment import Soil
+
+LETE = Soil.published("LETE sand")
+
+
+def test_pressure_of_a_plate_in_both_forms():
+    width, sinkage = 0.08, 0.01
+    assert LETE.pressure(sinkage, width) == pytest.approx((102e3 / width + 5301e3) * sinkage**0.79)
+    reece = replace(LETE, k_c=1.0e4, k_phi=5.0e5, n=0.9, pressure_form="reece")
+    assert reece.pressure(sinkage, width) == pytest.approx((1.0e4 + 5.0e5 * width) * (sinkage / width) ** 0.9)
+    assert LETE.pressure(0.0, width) == 0.0
+
+
+def test_reece_and_bekker_agree_where_they_are_the_same_law():
+    """At n = 1: (k_c + k_phi b) (z / b) = (k_c / b + k_phi) z."""
+    linear = replace(LETE, n=1.0)
+    assert replace(linear, pressure_form="reece").pressure(0.013, 0.07) == pytest.approx(linear.pressure(0.013, 0.07))
+
+
+def test_table_holds_the_published_values_and_their_provenance():
+    table = Soil.published_table()
+    assert len(table) == 23
+    rows = {row.name: row for row in table}
+    lete = rows["LETE sand"]
+    assert lete.shear_modulus_published
+    assert (lete.soil.k_c, lete.soil.k_phi, lete.soil.cohesion, lete.soil.shear_modulus_x) == (
+        102e3,
+        5301e3,
+        1300.0,
+        0.012,
+    )
+    assert math.degrees(lete.soil.friction_angle) == pytest.approx(31.1)
+    assert sum(row.shear_modulus_published for row in table) == 3
+    assert all("published" in row.source for row in table)
+    assert not rows["Heavy clay 25 %"].shear_modulus_published
+    assert "K of clay" in rows["Heavy clay 25 %"].source
+
+
+def test_name_is_found_without_case():
+    assert Soil.published("  lete SAND ") is LETE
+
+
+def test_unknown_name_lists_near_ones():
+    with pytest.raises(ValueError, match=r"no soil is called 'Lete snad'; did you mean 'LETE sand'"):
+        Soil.published("Lete snad")
+    with pytest.raises(ValueError, match=r"'Lean clay 22 %'.*'Heavy clay 25 %'"):
+        Soil.published("clay")
+    with pytest.raises(ValueError, match="the table holds"):
+        Soil.published("zzzzqqq")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"k_c": -1.0}, r"k_c = -1.0 is outside"),
+        ({"k_c": 0.0, "k_phi": 0.0}, "carries no load"),
+        ({"n": 0.0}, "n = 0.0 must be > 0"),
+        ({"n": math.nan}, "n = nan is not a finite number"),
+        ({"cohesion": -10.0}, "cohesion = -10.0 is outside"),
+        ({"friction_angle": 31.1}, r"friction_angle = 31.1 is outside .*radians"),
+        ({"shear_modulus_x": 0.0}, "shear_modulus_x = 0.0 must be > 0"),
+        ({"shear_modulus_y": -0.01}, "shear_modulus_y = -0.01 must be > 0"),
+        ({"c1": -0.1}, "c1 = -0.1 is outside"),
+        ({"c1": 0.7, "c2": 0.4}, r"c1 \+ Soil.c2 = 1.1 must be <= 1"),
+        ({"rebound_ratio": 1.2}, "rebound_ratio = 1.2 is outside"),
+        ({"damping": -0.1}, "damping = -0.1 is outside"),
+        ({"pressure_form": "janosi"}, "pressure_form = 'janosi' is not known"),
+        ({"shear_limit": "none"}, "shear_limit = 'none' is not known"),
+    ],
+)
+def test_bad_input_is_named(change, message):
+    with pytest.raises(ValueError, match=message):
+        replace(LETE, **change)
