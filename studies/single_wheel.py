@@ -23,8 +23,8 @@ Where Bekker-Wong is known to fail, and does so here:
   only, so it falls short as the side-slip angle and the sinkage grow (Ishigami et al., J. Field Robotics 24 (2007) 233,
   add such a term).
 - Sinkage beyond the wheel centre (CMU at 75 and 90 degrees): the patch geometry ends there.
-- High slip on slopes: the measured pull keeps growing with slip (grousers dig and push soil backwards) where Eq. (4) has
-  saturated. The calibrated model cannot climb the 20 and 25 degrees that the MGRU3 wheel climbs at 76 and 88 % slip.
+- High slip on slopes: the measured pull keeps growing with slip (grousers dig and push soil backwards) where Eq. (4)
+  has saturated. The calibrated model cannot climb the 20 and 25 degrees that the MGRU3 wheel climbs at 76 and 88 % slip.
 - Strength per axis (paper Eq. 4): at 90 degrees of side slip the spin's shear keeps its full strength next to the side
   force.
 """
@@ -399,7 +399,7 @@ def plot_wong_reece(data: xr.Dataset) -> Figure:
     for axes, label in zip(row, ("drawbar pull / load [-]", "torque / (load r) [-]", "sinkage [mm]"), strict=True):
         _style(axes, "slip [%]", label)
     figure.suptitle(
-        "Driven rigid wheels of Wong & Reece (1967), r = 0.627 m: computed with Reece's pressure form; no measured curves",
+        "Driven rigid wheels of Wong & Reece (1967), r = 0.627 m: computed with Reece's pressure; no measured curves",
         fontsize=10,
     )
     return figure
