@@ -24,7 +24,10 @@ Where Bekker-Wong is known to fail, and does so here:
   add such a term).
 - Sinkage beyond the wheel centre (CMU at 75 and 90 degrees): the patch geometry ends there.
 - High slip on slopes: the measured pull keeps growing with slip (grousers dig and push soil backwards) where Eq. (4)
-  has saturated. The calibrated model cannot climb the 20 and 25 degrees that the MGRU3 wheel climbs at 76 and 88 % slip.
+  has saturated. The calibrated model cannot climb the 20 and 25 degrees that the MGRU3 wheel climbs at 76 and 88 %
+  slip.
+- The CMU fit ends on the bounds of n (1.6, the largest published), c1 (0) and c2 (0.4): it bends what it has to make up
+  for slip sinkage. Its parameters are a fit, not properties of the sand.
 - Strength per axis (paper Eq. 4): at 90 degrees of side slip the spin's shear keeps its full strength next to the side
   force.
 """
