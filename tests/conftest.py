@@ -1,0 +1,46 @@
+"""What tests share: the vehicle, the soil and two runs of the reference maneuver (about 4 s each, made once)."""
+
+import math
+
+import pytest
+
+from exumob.environment import Soil, Water
+from exumob.maneuver import lane_change
+from exumob.simulation import simulate
+from vehicle_models.amphibious import amphibious_vehicle
+
+COARSE = {"micro_step": 5e-4, "macro_step": 20e-3}
+"""The fast setting of the design."""
+
+
+@pytest.fixture(scope="session")
+def vehicle():
+    return amphibious_vehicle()
+
+
+@pytest.fixture(scope="session")
+def sand():
+    return Soil.published("LETE sand")
+
+
+@pytest.fixture(scope="session")
+def dry_run(vehicle, sand):
+    """The whole lane change on dry sand."""
+    return simulate(vehicle, sand, maneuver=lane_change(), **COARSE)
+
+
+@pytest.fixture(scope="session")
+def wet_run(vehicle, sand):
+    """The whole lane change in D60/U1 with the coefficient model."""
+    return simulate(vehicle, sand, Water.at_ratio(0.6, 1.0), lane_change(), **COARSE)
+
+
+@pytest.fixture(scope="session")
+def mirrored_wet_run(vehicle, sand):
+    return simulate(vehicle, sand, Water.at_ratio(0.6, 1.0), lane_change(-math.radians(30.0)), **COARSE)
+
+
+@pytest.fixture(scope="session")
+def short_run(vehicle, sand):
+    """0.2 s in D60/U1, for tests of files and figures that do not need a whole run."""
+    return simulate(vehicle, sand, Water.at_ratio(0.6, 1.0), lane_change(), duration=0.2, **COARSE)
