@@ -40,7 +40,9 @@ class WaterModel(StrEnum):
 @app.callback()
 def main() -> None:
     """Predict how an off-road vehicle moves through shallow water on soft soil."""
-    logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[RichHandler(console=errors, show_time=False)])
+    logging.basicConfig(
+        level=logging.WARNING, format="%(message)s", handlers=[RichHandler(console=errors, show_time=False)]
+    )
 
 
 @app.command("lane-change")
@@ -74,7 +76,11 @@ def lane_change_command(
     targets = {"--output": output, "--figure": figure, "--animate": animate}
     try:
         _check_targets(targets)
-        car = load_vehicle(vehicle) if vehicle else importlib.import_module("vehicle_models.amphibious").amphibious_vehicle()
+        car = (
+            load_vehicle(vehicle)
+            if vehicle
+            else importlib.import_module("vehicle_models.amphibious").amphibious_vehicle()
+        )
         wet = depth_ratio != 0.0
         water = Water.at_ratio(depth_ratio, current, tire_diameter=car.wheel.diameter) if wet else None
         model = CoefficientHydrodynamics() if hydrodynamics is WaterModel.coefficients and wet else NoWater()
@@ -115,21 +121,20 @@ def soils() -> None:
     """List the published soils with their Bekker-Wong parameters."""
     from exumob.environment import Soil
 
-    table = Table(
-        title="Published soils (Wong, Theory of Ground Vehicles)",
-        caption="k_c [kN/m^(n+1)], k_phi [kN/m^(n+2)], c [kPa], phi [deg], K [mm], c1, c2 [-]\n* and all c1, c2: chosen by soil class",
-        box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold",
-    )  # fmt: skip
-    table.add_column("soil", no_wrap=True)
+    table = Table(title="Published soils (Wong, Theory of Ground Vehicles)", box=box.SIMPLE_HEAD, pad_edge=False)
+    table.caption = (
+        "k_c in kN/m^(n+1), k_phi in kN/m^(n+2), c in kPa, phi in degrees, K in mm; * and c1, c2: chosen here"
+    )
+    table.padding = (0, 1, 0, 0)
+    table.add_column("soil", no_wrap=True, max_width=30)
     for column in ("n", "k_c", "k_phi", "c", "phi", "K", "c1", "c2"):
-        table.add_column(column, justify="right", no_wrap=True)
+        table.add_column(column, justify="right", no_wrap=True, min_width=4)
     for row in Soil.published_table():
         soil = row.soil
         shear = f"{1e3 * soil.shear_modulus_x:.0f}{'' if row.shear_modulus_published else '*'}"
-        table.add_row(
-            row.name, f"{soil.n:g}", f"{soil.k_c / 1e3:.4g}", f"{soil.k_phi / 1e3:.4g}", f"{soil.cohesion / 1e3:.4g}",
-            f"{math.degrees(soil.friction_angle):.1f}", shear, f"{soil.c1:.2f}", f"{soil.c2:.2f}",
-        )  # fmt: skip
+        stiffness = f"{soil.k_c / 1e3:.4g}", f"{soil.k_phi / 1e3:.4g}"
+        strength = f"{soil.cohesion / 1e3:.4g}", f"{math.degrees(soil.friction_angle):.1f}"
+        table.add_row(row.name, f"{soil.n:g}", *stiffness, *strength, shear, f"{soil.c1:.2f}", f"{soil.c2:.2f}")
     console.print(table)
 
 

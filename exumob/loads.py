@@ -7,6 +7,8 @@ and stored energy of each kind of load come out alongside: they make the energy 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -154,6 +156,73 @@ def stop_force(penetration: float, stiffness: float, softening: float) -> tuple[
 
 
 @njit(cache=True, error_model="numpy")
+def _soil_on_wheel(
+    m: Any, heights: Array, center: Array, velocity: Array, axle: Array, omega: float, wheel: Array, force: Array,
+    moment: Array,
+) -> float:  # fmt: skip
+    """Bekker-Wong force and moment in world axes, in the frame of the terrain below the wheel; returns the sinkage.
+
+    `wheel` receives the result of `wheel_soil_kernel`, its last entry the angle of the velocity to the heading.
+    """
+    heading, left, normal = np.empty(3), np.empty(3), np.empty(3)
+    ground, slope_x, slope_y = terrain_height(m.terrain, heights, center[0], center[1])
+    norm = 1.0 / np.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
+    normal[0], normal[1], normal[2] = -slope_x * norm, -slope_y * norm, norm
+    _cross(axle, normal, heading)
+    norm = 1.0 / np.sqrt(_dot(heading, heading))
+    for k in range(3):
+        heading[k] *= norm
+    _cross(normal, heading, left)
+    sinkage = m.wheel_radius - (center[2] - ground) * normal[2]
+    v_x, v_y, v_z = _dot(velocity, heading), _dot(velocity, left), _dot(velocity, normal)
+    wheel_soil_kernel(m.soil, m.wheel_radius, m.wheel_width, sinkage, v_x, v_y, v_z, omega, m.standstill_rate, wheel)
+    for k in range(3):
+        force[k] = wheel[0] * heading[k] + wheel[1] * left[k] + wheel[2] * normal[k]
+        moment[k] = wheel[3] * heading[k] + wheel[4] * left[k] + wheel[5] * normal[k]
+    wheel[11] = np.arctan2(v_y, abs(v_x)) if v_x * v_x + v_y * v_y > 1e-6 else 0.0
+    return sinkage
+
+
+@njit(cache=True, error_model="numpy")
+def damping_diagonal(
+    model: np.ndarray, heights: Array, coordinates: Array, velocities: Array, reference: Array, diagonal: Array
+) -> None:
+    """Derivative of the loads on the uprights with respect to their velocities, world x, y, z: diagonal terms only.
+
+    For the Newton iterations of the multibody solver: soil at standstill is stiff in velocity.
+
+    Parameters
+    ----------
+    model, heights, coordinates, velocities, reference
+        As for `vehicle_loads`.
+    diagonal : array, shape (4, 3)
+        Receives -dF_k/dv_k [N s/m], >= 0.
+    """
+    m = model[0]
+    step = 1e-6
+    upright, wheel_spin = np.empty((3, 3)), np.empty(3)
+    body, rim, speed, axle = np.empty(7), np.empty(7), np.empty(3), np.empty(3)
+    wheel, force, changed, moment = np.empty(12), np.empty(3), np.empty(3), np.empty(3)
+    for i in range(4):
+        for k in range(7):
+            body[k] = coordinates[7 * (1 + i) + k] + reference[7 * (1 + i) + k]
+            rim[k] = coordinates[7 * (5 + i) + k] + reference[7 * (5 + i) + k]
+        _rotation(body, upright)
+        _spin(rim, velocities[7 * (5 + i) : 7 * (6 + i)], wheel_spin)
+        for k in range(3):
+            axle[k] = upright[k, 1]
+            speed[k] = velocities[7 * (1 + i) + k]
+        omega = _dot(wheel_spin, axle)
+        _soil_on_wheel(m, heights, body, speed, axle, omega, wheel, force, moment)
+        for k in range(3):
+            speed[k] += step
+            _soil_on_wheel(m, heights, body, speed, axle, omega, wheel, changed, moment)
+            speed[k] -= step
+            diagonal[i, k] = max((force[k] - changed[k]) / step, 0.0)
+        diagonal[i, 2] += m.damping[i]
+
+
+@njit(cache=True, error_model="numpy")
 def vehicle_loads(
     model: np.ndarray, heights: Array, coordinates: Array, velocities: Array, reference: Array, loads: np.ndarray
 ) -> None:
@@ -179,7 +248,6 @@ def vehicle_loads(
     hull, upright = np.empty((3, 3)), np.empty((3, 3))
     hull_spin, upright_spin, wheel_spin = np.empty(3), np.empty(3), np.empty(3)
     arm, arm_velocity, lift, moment = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    heading, left, normal = np.empty(3), np.empty(3), np.empty(3)
     axle, soil_force, soil_moment = np.empty(3), np.empty(3), np.empty(3)
     wheel = np.empty(12)
     _rotation(node[0], hull)
@@ -259,26 +327,9 @@ def vehicle_loads(
         out.stroke[i] = stroke
         out.suspension_force[i] = force
 
-        # soil: Bekker-Wong in the frame of the terrain below the wheel centre
-        ground, slope_x, slope_y = terrain_height(m.terrain, heights, body[0], body[1])
-        norm = 1.0 / np.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
-        normal[0], normal[1], normal[2] = -slope_x * norm, -slope_y * norm, norm
-        _cross(axle, normal, heading)
-        norm_heading = 1.0 / np.sqrt(_dot(heading, heading))
-        for k in range(3):
-            heading[k] *= norm_heading
-        _cross(normal, heading, left)
-        sinkage = m.wheel_radius - (body[2] - ground) * normal[2]
-        v_x = speed[0] * heading[0] + speed[1] * heading[1] + speed[2] * heading[2]
-        v_y = speed[0] * left[0] + speed[1] * left[1] + speed[2] * left[2]
-        v_z = speed[0] * normal[0] + speed[1] * normal[1] + speed[2] * normal[2]
+        # soil
         omega = _dot(wheel_spin, axle)
-        wheel_soil_kernel(
-            m.soil, m.wheel_radius, m.wheel_width, sinkage, v_x, v_y, v_z, omega, m.standstill_rate, wheel
-        )
-        for k in range(3):
-            soil_force[k] = wheel[0] * heading[k] + wheel[1] * left[k] + wheel[2] * normal[k]
-            soil_moment[k] = wheel[3] * heading[k] + wheel[4] * left[k] + wheel[5] * normal[k]
+        sinkage = _soil_on_wheel(m, heights, body, speed, axle, omega, wheel, soil_force, soil_moment)
         torque = _dot(soil_moment, axle)
         for k in range(3):
             soil_power += soil_force[k] * speed[k] + soil_moment[k] * upright_spin[k]
@@ -290,7 +341,7 @@ def vehicle_loads(
             out.soil_moment[i, k] = soil_moment[k]
         out.sinkage[i] = sinkage
         out.slip_ratio[i] = wheel[7]
-        out.slip_angle[i] = np.arctan2(v_y, abs(v_x)) if v_x * v_x + v_y * v_y > 1e-6 else 0.0
+        out.slip_angle[i] = wheel[11]
         deepest = max(deepest, sinkage / m.wheel_radius)
 
     out.soil_power = soil_power
@@ -330,9 +381,7 @@ HISTORY = np.dtype(
 
 
 @njit(cache=True, error_model="numpy")
-def sample_motion(
-    coordinates: Array, velocities: Array, accelerations: Array, reference: Array, sample: np.void
-) -> None:
+def sample_motion(coordinates: Array, velocities: Array, accelerations: Array, reference: Array, sample: Any) -> None:
     """Write the five bodies' motion into one `HISTORY` record."""
     node = np.empty(7)
     spin, wheel_spin = np.empty(3), np.empty(3)

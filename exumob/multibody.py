@@ -19,7 +19,7 @@ import numpy as np
 
 from exumob.environment import Soil
 from exumob.errors import SimulationError
-from exumob.loads import HISTORY, LOADS, WORK, add_work, load_model, sample_motion, vehicle_loads
+from exumob.loads import HISTORY, LOADS, WORK, add_work, damping_diagonal, load_model, sample_motion, vehicle_loads
 from exumob.maneuver import Maneuver
 from exumob.states import Array, BodyStates
 from exumob.terrain import Terrain
@@ -144,6 +144,9 @@ class MultibodyVehicle:
         self._reference = np.array(data.GetODE2Coordinates(configuration=exu.ConfigurationType.Reference))
         self._steering_rows = np.array([data.GetObjectLTGAE(i)[0] for i in self._steering_joints], dtype=np.int64)
         self._spin_rows = np.array([data.GetObjectLTGAE(i)[0] for i in self._spin_joints], dtype=np.int64)
+        self._damping = np.zeros((4, 3))
+        self._damping_entries = np.zeros((12, 3))  # row, column, value: x, y, z of the four uprights
+        self._damping_entries[:, :2] = np.add.outer(7 * np.arange(1, 5), np.arange(3)).reshape(12, 1)
         self._settings = _solver_settings(micro_step, duration)
         self._solver = exu.MainSolverImplicitSecondOrder()
         self._dense: Any = None
@@ -254,9 +257,7 @@ class MultibodyVehicle:
         marker = self.mbs.AddMarker(MarkerBodiesRelativeRotationCoordinate(bodyNumbers=[body_0, body_1], axis0=axis))
         functions = {"offsetUserFunction_t" if velocity_level else "offsetUserFunction": value}
         joint: int = self.mbs.AddObject(
-            ObjectConnectorCoordinate(
-                markerNumbers=[self._ground, marker], velocityLevel=velocity_level, **functions
-            )
+            ObjectConnectorCoordinate(markerNumbers=[self._ground, marker], velocityLevel=velocity_level, **functions)
         )
         return joint
 
@@ -322,6 +323,7 @@ class MultibodyVehicle:
         self._evaluate(0.0)  # Exudyn computes initial accelerations without calling the residual hook
         self.mbs.SetPreNewtonResidualUserFunction(self._before_residual)
         self.mbs.SetPostStepUserFunction(self._after_step)
+        self.mbs.SetSystemJacobianUserFunction(self._load_jacobian)
         if not self._solver.InitializeSolver(self.mbs, settings):
             raise SimulationError(f"{self.vehicle.name}: Exudyn could not start: {self._solver.GetErrorString()}")
         self._evaluate(0.0)
@@ -344,6 +346,17 @@ class MultibodyVehicle:
         if newton_iteration == 0:
             self._set_command(time)
         vehicle_loads(self.model, self._heights, self._q, self._v, self._reference, self.loads)
+
+    def _load_jacobian(
+        self, mbs: Any, time: float, factor: float, factor_velocity: float, factor_first_order: float
+    ) -> Any:
+        """Add the loads' damping to the Newton matrix: without it, rest on firm soil costs many iterations."""
+        damping_diagonal(self.model, self._heights, self._q, self._v, self._reference, self._damping)
+        self._damping_entries[:, 2] = -factor_velocity * self._damping.ravel()
+        matrix = exu.MatrixContainer()
+        n = len(self._q) + len(self._multipliers)
+        matrix.SetWithSparseMatrix(self._damping_entries, numberOfRows=n, numberOfColumns=n)
+        return matrix
 
     def _account(self, time: float) -> float:
         return add_work(
@@ -489,7 +502,7 @@ class MultibodyVehicle:
             solver.InitializeSolver(self.mbs, settings)  # resets the state: only before a run
             n = solver.GetODE2size() + solver.GetAEsize()
             self._zeros = np.zeros((n, n))
-            self._velocity_level = np.zeros(solver.GetAEsize(), dtype=bool)
+            self._velocity_level = np.zeros(solver.GetAEsize(), dtype=np.bool_)
             self._velocity_level[self._spin_rows] = True
             self._dense = solver
         return self._dense
@@ -499,26 +512,36 @@ class MultibodyVehicle:
         solver.ComputeAlgebraicEquations(self.mbs, velocity_level)
         return np.array(solver.GetSystemResidual())[len(self._q) :]
 
+    def _jacobian_of_constraints(self, position: float, velocity: float) -> Array:
+        """Position * dC/dq + velocity * dC/dv, shape (constraints, 63)."""
+        solver = self._constraint_solver()
+        solver.SetSystemJacobian(self._zeros)
+        solver.ComputeJacobianAE(self.mbs, position, velocity, 1.0, False)
+        return np.array(solver.GetSystemJacobian())[len(self._q) :, : len(self._q)]
+
     def _constraint_jacobian(self) -> Array:
         """dC/dq of position-level rows and dC/dv of velocity-level rows, shape (constraints, 63)."""
-        solver = self._constraint_solver()
-        blocks = []
-        for position, velocity in ((1.0, 0.0), (0.0, 1.0)):
-            solver.SetSystemJacobian(self._zeros)
-            solver.ComputeJacobianAE(self.mbs, position, velocity, 1.0, False)
-            blocks.append(np.array(solver.GetSystemJacobian())[len(self._q) :, : len(self._q)])
+        blocks = self._jacobian_of_constraints(1.0, 0.0), self._jacobian_of_constraints(0.0, 1.0)
         return np.where(self._velocity_level[:, None], blocks[1], blocks[0])
 
     def constraint_wrenches(self) -> Array:
         """Forces and moments of all constraints on the nine bodies, world axes, about each origin, shape (9, 6).
 
-        From the Lagrange multipliers: Q = -C_q^T lambda (paper Eq. 6); torque = G(e) Q_e / 2.
+        From the Lagrange multipliers: Q = -C_q^T lambda (paper Eq. 6); torque = G(e) Q_e / 2. The multiplier of a spin
+        constraint is a torque about the wheel's axis.
         """
-        generalized = (-self._constraint_jacobian().T @ np.array(self._multipliers)).reshape(9, 7)
+        multipliers = np.array(self._multipliers)
+        spin_torque = -multipliers[self._spin_rows]
+        multipliers[self._velocity_level] = 0.0
+        generalized = (-multipliers @ self._jacobian_of_constraints(1.0, 0.0)).reshape(9, 7)
+        nodes = (np.array(self._q) + self._reference).reshape(9, 7)
         wrenches = np.empty((9, 6))
         wrenches[:, :3] = generalized[:, :3]
-        for i, node in enumerate((np.array(self._q) + self._reference).reshape(9, 7)):
-            wrenches[i, 3:] = 0.5 * _euler_map(node[3:]) @ generalized[i, 3:]
+        wrenches[:, 3:] = 0.5 * np.einsum("nij,nj->ni", _euler_map(nodes[:, 3:]), generalized[:, 3:])
+        w, x, y, z = nodes[1:5, 3:].T
+        axles = np.stack([2.0 * (x * y - w * z), 2.0 * (w * w + y * y) - 1.0, 2.0 * (y * z + w * x)], axis=-1)
+        wrenches[5:, 3:] += spin_torque[:, None] * axles
+        wrenches[1:5, 3:] -= spin_torque[:, None] * axles
         return wrenches
 
     def constraint_errors(self) -> tuple[float, float]:
@@ -587,8 +610,9 @@ def _frame_on(normal: Array) -> Array:
 
 
 def _euler_map(e: Array) -> Array:
-    """G of w = 2 G(e) e_t: world angular velocity from Euler parameters, shape (3, 4)."""
-    return np.array([[-e[1], e[0], -e[3], e[2]], [-e[2], e[3], e[0], -e[1]], [-e[3], -e[2], e[1], e[0]]])
+    """G of w = 2 G(e) e_t: world angular velocity from Euler parameters, shape (n, 4) -> (n, 3, 4)."""
+    a, b, c, d = e.T
+    return np.stack([np.stack([-b, a, -d, c], -1), np.stack([-c, d, a, -b], -1), np.stack([-d, -c, b, a], -1)], axis=1)
 
 
 def _projection(mass: Array, jacobian: Array, residual: Array) -> Array:

@@ -14,7 +14,7 @@ from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
+from matplotlib.patches import Circle, Polygon
 
 from exumob.states import WHEELS, Array
 
@@ -22,7 +22,7 @@ WATER_COLOR = "#4a90c2"
 SOIL_COLOR = "#c8a165"
 BODY_COLOR = "#3d4a57"
 
-STYLE = {
+STYLE: Any = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
@@ -59,10 +59,8 @@ def vehicle_outlines(dataset: xr.Dataset, index: int) -> list[Array]:
     middle = hull["center_x"] - hull["center_of_mass_x"]
     half, bow = 0.5 * hull["length"], 0.35 * hull["bow_length"]
     side = 0.5 * hull["width"]
-    shapes = [
-        np.array([[-half, -side], [half - bow, -side], [half, -0.6 * side], [half, 0.6 * side], [half - bow, side], [-half, side]])
-        + [middle, 0.0]
-    ]  # fmt: skip
+    starboard = np.array([[-half, -side], [half - bow, -side], [half, -0.6 * side]])
+    shapes = [np.concatenate([starboard, starboard[::-1] * (1.0, -1.0)]) + (middle, 0.0)]
     r, w = 0.5 * wheel["diameter"], 0.5 * wheel["width"]
     shapes += [np.array([[-r, -w], [r, -w], [r, w], [-r, w]])] * 4
     position = dataset["position"].values[index, :, :2]
@@ -74,7 +72,9 @@ def vehicle_outlines(dataset: xr.Dataset, index: int) -> list[Array]:
     return outlines
 
 
-def plot_path(axes: Axes, dataset: xr.Dataset, every: float = 1.0, color: str = "C0", label: str | None = None) -> list[Artist]:
+def plot_path(
+    axes: Axes, dataset: xr.Dataset, every: float = 1.0, color: str = "C0", label: str | None = None
+) -> list[Artist]:
     """Path of the hull's centre of mass, with the vehicle's outline every `every` seconds (0: never)."""
     x, y = dataset["position"].sel(body="hull").values[:, :2].T
     artists: list[Artist] = list(axes.plot(x, y, color=color, lw=1.6, label=label, zorder=3))
@@ -83,7 +83,9 @@ def plot_path(axes: Axes, dataset: xr.Dataset, every: float = 1.0, color: str = 
         for t in np.arange(0.0, times[-1] + 1e-9, every):
             for k, outline in enumerate(vehicle_outlines(dataset, int(np.argmin(np.abs(times - t))))):
                 face = color if k == 0 else BODY_COLOR
-                patch = Polygon(outline, closed=True, fc=face, alpha=0.22 if k == 0 else 0.5, ec=color, lw=0.5, zorder=2)
+                patch = Polygon(
+                    outline, closed=True, fc=face, alpha=0.22 if k == 0 else 0.5, ec=color, lw=0.5, zorder=2
+                )
                 artists.append(axes.add_patch(patch))
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     return artists
@@ -171,28 +173,37 @@ def plot_run(dataset: xr.Dataset) -> Figure:
 
 
 def compare_runs(runs: Mapping[str, xr.Dataset]) -> Figure:
-    """Several runs side by side: paths (paper Fig. 6), lateral velocity and yaw (Fig. 8), wheel loads, water on the hull."""
+    """Several runs side by side: paths (paper Fig. 6), lateral velocity and yaw (Fig. 8), wheel loads, water."""
     with plt.rc_context(STYLE):
         figure, grid = plt.subplot_mosaic(
-            [["path", "path"], ["lateral", "yaw"], ["load", "water"]], figsize=(11.0, 8.5), layout="constrained"
+            [["path", "path"], ["lateral", "yaw"], ["load", "water"]],
+            figsize=(11.0, 8.5),
+            height_ratios=[1.2, 1.0, 1.0],
+            layout="constrained",
         )
         for k, (name, dataset) in enumerate(runs.items()):
-            style: dict[str, Any] = {"color": f"C{k}", "ls": "--" if name == "no water" else "-", "lw": 1.4, "label": name}
-            artists = plot_path(grid["path"], dataset, every=2.0, color=f"C{k}", label=name)
-            artists[0].set(linestyle=style["ls"])
+            style: dict[str, Any] = {
+                "color": f"C{k}",
+                "ls": "--" if name == "no water" else "-",
+                "lw": 1.4,
+                "label": name,
+            }
+            plot_path(grid["path"], dataset, every=0.0, color=f"C{k}", label=name)[0].set(linestyle=style["ls"])
+            hull, *_ = vehicle_outlines(dataset, -1)
+            grid["path"].add_patch(Polygon(hull, closed=True, fc="none", ec=f"C{k}", lw=0.9, ls=style["ls"]))
             plot_lateral_velocity(grid["lateral"], dataset, **style)
             plot_yaw(grid["yaw"], dataset, **style)
             total = dataset["soil_force"].sel(axis="z").sum("wheel")
             grid["load"].plot(dataset["time"], total, **style)
             drag = dataset["water_load"].sel(body="hull")
             grid["water"].plot(dataset["time"], np.hypot(drag.sel(axis="x"), drag.sel(axis="y")), **style)
-        grid["path"].set_title("Path (outline every 2 s)")
+        grid["path"].set_title("Path, and the hull at the end")
         grid["lateral"].set_title("Lateral velocity")
         grid["yaw"].set_title("Yaw")
         grid["load"].set(title="Wheel load", xlabel="time [s]", ylabel="soil reaction, four wheels [N]")
         grid["water"].set(title="Water on the hull", xlabel="time [s]", ylabel="horizontal force [N]")
         grid["path"].legend(loc="upper left", ncols=len(runs))
-        grid["path"].margins(y=0.3)
+        grid["path"].margins(y=0.25)
     return figure
 
 
@@ -258,9 +269,10 @@ class _Scene:
         top.margins(x=0.12)
         y = dataset["position"].sel(body="hull", axis="y")
         top.set_ylim(float(y.min()) - 0.8 * size, float(y.max()) + 0.8 * size)
-        self.outlines = [top.add_patch(Polygon(np.zeros((3, 2)), fc="C0", ec=BODY_COLOR, alpha=0.8)) for _ in range(5)]
-        for patch in self.outlines[1:]:
-            patch.set_facecolor(BODY_COLOR)
+        self.outlines = [Polygon(np.zeros((3, 2)), fc="C0", ec=BODY_COLOR, alpha=0.8) for _ in range(5)]
+        for k, patch in enumerate(self.outlines):
+            top.add_patch(patch)
+            patch.set_facecolor("C0" if k == 0 else BODY_COLOR)
         depth = water.get("depth", 0.0)
         ceiling = 1.3 * (self.hull["ground_clearance"] + self.hull["height"])
         side.axhspan(-1.0, 0.0, color=SOIL_COLOR, zorder=0)
@@ -269,9 +281,11 @@ class _Scene:
         side.set(ylim=(-0.25 * ceiling, ceiling), ylabel="z [m]", aspect="equal", xlabel="along the heading [m]")
         side.set_xlim(-1.1 * size, 1.1 * size)
         side.grid(visible=False)
-        self.profile = side.add_patch(Polygon(np.zeros((3, 2)), fc="C0", ec=BODY_COLOR, zorder=3))
+        self.profile = Polygon(np.zeros((3, 2)), fc="C0", ec=BODY_COLOR, zorder=3)
         near = (2.0, 3.5, 2.0, 3.5)  # seen from starboard: the right-hand wheels stand before the hull
-        self.rims = [side.add_patch(plt.Circle((0, 0), self.radius, fc="0.35", ec="k", zorder=z)) for z in near]
+        self.rims = [Circle((0, 0), self.radius, fc="0.35", ec="k", zorder=z) for z in near]
+        for part in (self.profile, *self.rims):
+            side.add_patch(part)
         self.spokes = [side.plot([], [], color="0.85", lw=1.2, zorder=z + 0.2)[0] for z in near]
         self.turn = np.concatenate([np.zeros((1, 4)), np.cumsum(
             0.5 * np.diff(dataset["time"].values)[:, None]
@@ -288,10 +302,9 @@ class _Scene:
         keel = hull["ground_clearance"] - hull["center_of_mass_height"]
         deck = keel + hull["height"]
         middle, half = hull["center_x"] - hull["center_of_mass_x"], 0.5 * hull["length"]
-        profile = np.array([
-            [middle - half, keel], [middle + half - hull["bow_length"], keel], [middle + half, keel + hull["bow_height"]],
-            [middle + half, deck], [middle - half, deck],
-        ])  # fmt: skip
+        stern, stem = middle - half, middle + half
+        keel_end, bow = stem - hull["bow_length"], keel + hull["bow_height"]
+        profile = np.array([[stern, keel], [keel_end, keel], [stem, bow], [stem, deck], [stern, deck]])
         c, s = np.cos(pitch), np.sin(pitch)
         self.profile.set_xy(profile @ np.array([[c, -s], [s, c]]) + [0.0, origin[2]])
         for k in range(4):

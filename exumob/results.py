@@ -32,6 +32,45 @@ logger = logging.getLogger(__name__)
 WORK_KINDS = ("soil", "damper", "water", "spin", "steering", "settling")
 WRENCH_COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
+VARIABLES = {
+    # name: (dimensions, units, meaning)
+    "position": ("time body axis", "m", "position of the body's origin, world axes"),
+    "quaternion": ("time body quaternion_component", "1", "orientation, body to world, scalar first"),
+    "yaw": ("time body", "rad", "heading, counter-clockwise from world x"),
+    "pitch": ("time body", "rad", "pitch, bow down positive"),
+    "roll": ("time body", "rad", "roll, starboard down positive"),
+    "velocity": ("time body axis", "m s-1", "velocity of the body's origin, world axes"),
+    "angular_velocity": ("time body axis", "rad s-1", "angular velocity, world axes"),
+    "acceleration": ("time body axis", "m s-2", "acceleration of the body's origin, world axes"),
+    "angular_acceleration": ("time body axis", "rad s-2", "angular acceleration, world axes"),
+    "forward_velocity": ("time", "m s-1", "hull speed along its heading"),
+    "lateral_velocity": ("time", "m s-1", "hull speed to the left of its heading"),
+    "wheel_speed": ("time wheel", "rad s-1", "spin of the wheel, positive rolls forward"),
+    "steering_angle": ("time front_wheel", "rad", "front-wheel angle, positive to the left"),
+    "spin_torque": ("time wheel", "N m", "driving torque on the wheel (spin constraint)"),
+    "spin_power": ("time wheel", "W", "power of the driving torque"),
+    "sinkage": ("time wheel", "m", "sinkage of the tyre below the soil surface"),
+    "slip_ratio": ("time wheel", "1", "slip ratio, positive driving, negative braking"),
+    "slip_angle": ("time wheel", "rad", "angle of the wheel's velocity to its heading"),
+    "soil_force": ("time wheel axis", "N", "force of the soil on the tyre, world axes"),
+    "soil_moment": ("time wheel axis", "N m", "moment of the soil about the wheel centre, world axes"),
+    "suspension_force": ("time wheel", "N", "spring, damper and stops, pushing wheel and hull apart"),
+    "suspension_stroke": ("time wheel", "m", "wheel above its ride height in the hull"),
+    "flow_state": ("time body state", "rad, m s-1, m", "states of paper Eq. 7"),
+    "water_wrench": ("time body component", "N, N m", "water about the body's origin, body axes"),
+    "soil_load": ("time body axis", "N", "force ledger: soil, world axes"),
+    "water_load": ("time body axis", "N", "force ledger: water, world axes"),
+    "gravity_load": ("time body axis", "N", "force ledger: weight, world axes"),
+    "suspension_load": ("time body axis", "N", "force ledger: springs, dampers and stops, world axes"),
+    "constraint_load": ("time body axis", "N", "force ledger: reactions of all constraints, world axes"),
+    "mass": ("body", "kg", "mass of the body (a wheel with its upright)"),
+    "work": ("time work_kind", "J", "work done on the vehicle since the start"),
+    "kinetic_energy": ("time", "J", "kinetic energy of all bodies"),
+    "stored_energy": ("time", "J", "energy of springs and of height"),
+    "constraint_error": ("time constraint_level", "m or rad, rad s-1", "largest constraint residual"),
+}
+"""The variables of a result."""
+
 
 def build_dataset(
     model: MultibodyVehicle,
@@ -55,68 +94,47 @@ def build_dataset(
     states = BodyStates(*(records["motion"][name] for name in BodyStates.__dataclass_fields__))
     loads = records["loads"]
     masses = body_masses(vehicle)
-    ledger = _force_ledger(records, states, masses)
     rotation = states.rotation
     yaw = np.unwrap(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]), axis=0)
     left = np.stack([-np.sin(yaw[:, 0]), np.cos(yaw[:, 0])], axis=-1)
     ahead = np.stack([np.cos(yaw[:, 0]), np.sin(yaw[:, 0])], axis=-1)
     hull_velocity = states.velocity[:, 0, :2]
-    spin_torque = records["spin_torque"]
-
-    variables: dict[str, tuple[tuple[str, ...], Array, str, str]] = {
-        "position": (("time", "body", "axis"), states.position, "m", "position of the body's origin, world axes"),
-        "quaternion": (
-            ("time", "body", "quaternion_component"), _quaternions(rotation), "1", "orientation, body to world",
-        ),
-        "yaw": (("time", "body"), yaw, "rad", "heading, counter-clockwise from world x"),
-        "pitch": (("time", "body"), -np.arcsin(np.clip(rotation[..., 2, 0], -1, 1)), "rad", "pitch, bow down positive"),
-        "roll": (
-            ("time", "body"), np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]), "rad", "roll, starboard down positive",
-        ),
-        "velocity": (("time", "body", "axis"), states.velocity, "m s-1", "velocity of the body's origin, world axes"),
-        "angular_velocity": (("time", "body", "axis"), states.angular_velocity, "rad s-1", "angular velocity, world axes"),
-        "acceleration": (("time", "body", "axis"), states.acceleration, "m s-2", "acceleration of the origin, world axes"),
-        "angular_acceleration": (
-            ("time", "body", "axis"), states.angular_acceleration, "rad s-2", "angular acceleration, world axes",
-        ),
-        "forward_velocity": (("time",), (hull_velocity * ahead).sum(-1), "m s-1", "hull speed along its heading"),
-        "lateral_velocity": (("time",), (hull_velocity * left).sum(-1), "m s-1", "hull speed to the left of its heading"),
-        "wheel_speed": (("time", "wheel"), states.wheel_speed, "rad s-1", "spin of the wheel, positive rolls forward"),
-        "steering_angle": (("time", "front_wheel"), records["steering"], "rad", "front-wheel angle, positive to the left"),
-        "spin_torque": (("time", "wheel"), spin_torque, "N m", "driving torque on the wheel (spin constraint)"),
-        "spin_power": (("time", "wheel"), spin_torque * states.wheel_speed, "W", "power of the driving torque"),
-        "sinkage": (("time", "wheel"), loads["sinkage"], "m", "sinkage of the tyre below the soil surface"),
-        "slip_ratio": (("time", "wheel"), loads["slip_ratio"], "1", "slip ratio, positive driving, negative braking"),
-        "slip_angle": (("time", "wheel"), loads["slip_angle"], "rad", "angle of the wheel's velocity to its heading"),
-        "soil_force": (("time", "wheel", "axis"), loads["soil_force"], "N", "force of the soil on the tyre, world axes"),
-        "soil_moment": (
-            ("time", "wheel", "axis"), loads["soil_moment"], "N m", "moment of the soil about the wheel centre, world axes",
-        ),
-        "suspension_force": (("time", "wheel"), loads["suspension_force"], "N", "spring, damper and stops, pushing apart"),
-        "suspension_stroke": (("time", "wheel"), loads["stroke"], "m", "wheel above its ride height in the hull"),
-        "flow_state": (("time", "body", "state"), flow_states(states, water), "", "states of paper Eq. 7"),
-        "water_wrench": (
-            ("time", "body", "component"), loads["water"], "N or N m",
-            "force and moment of the water about the body's origin, body axes",
-        ),
-        **{
-            name: (("time", "body", "axis"), force, "N", f"{text}, world axes")
-            for name, (force, text) in ledger.items()
-        },
-        "mass": (("body",), masses, "kg", "mass of the body (a wheel with its upright)"),
-        "work": (("time", "work_kind"), records["ledger"]["work"], "J", "work done on the vehicle since the start"),
-        "kinetic_energy": (("time",), loads["kinetic_energy"], "J", "kinetic energy of all bodies"),
-        "stored_energy": (
-            ("time",), loads["spring_energy"] + loads["gravity_energy"], "J", "energy of springs and of height",
-        ),
-        "constraint_error": (
-            ("time", "constraint_level"), records["constraint_error"], "m or rad; rad s-1", "largest constraint residual",
-        ),
-    }  # fmt: skip
+    values: dict[str, Array] = {
+        "position": states.position,
+        "quaternion": _quaternions(rotation),
+        "yaw": yaw,
+        "pitch": -np.arcsin(np.clip(rotation[..., 2, 0], -1, 1)),
+        "roll": np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
+        "velocity": states.velocity,
+        "angular_velocity": states.angular_velocity,
+        "acceleration": states.acceleration,
+        "angular_acceleration": states.angular_acceleration,
+        "forward_velocity": (hull_velocity * ahead).sum(-1),
+        "lateral_velocity": (hull_velocity * left).sum(-1),
+        "wheel_speed": states.wheel_speed,
+        "steering_angle": records["steering"],
+        "spin_torque": records["spin_torque"],
+        "spin_power": records["spin_torque"] * states.wheel_speed,
+        "sinkage": loads["sinkage"],
+        "slip_ratio": loads["slip_ratio"],
+        "slip_angle": loads["slip_angle"],
+        "soil_force": loads["soil_force"],
+        "soil_moment": loads["soil_moment"],
+        "suspension_force": loads["suspension_force"],
+        "suspension_stroke": loads["stroke"],
+        "flow_state": flow_states(states, water),
+        "water_wrench": loads["water"],
+        **_force_ledger(records, states, masses),
+        "mass": masses,
+        "work": records["ledger"]["work"],
+        "kinetic_energy": loads["kinetic_energy"],
+        "stored_energy": loads["spring_energy"] + loads["gravity_energy"],
+        "constraint_error": records["constraint_error"],
+    }
     dataset = xr.Dataset(
         {
-            name: (dims, np.ascontiguousarray(values), {"units": units, "long_name": text})
-            for name, (dims, values, units, text) in variables.items()
+            name: (dims.split(), np.ascontiguousarray(values[name]), {"units": units, "long_name": text})
+            for name, (dims, units, text) in VARIABLES.items()
         },
         coords={
             "time": ("time", np.array(states.time), {"units": "s", "long_name": "time since release"}),
@@ -155,7 +173,7 @@ def body_masses(vehicle: Vehicle) -> Array:
     return np.array([vehicle.hull.mass, *wheels])
 
 
-def _force_ledger(records: np.ndarray, states: BodyStates, masses: Array) -> dict[str, tuple[Array, str]]:
+def _force_ledger(records: np.ndarray, states: BodyStates, masses: Array) -> dict[str, Array]:
     loads = records["loads"]
     shape = states.position.shape
     soil, gravity, suspension, constraint = (np.zeros(shape) for _ in range(4))
@@ -168,22 +186,22 @@ def _force_ledger(records: np.ndarray, states: BodyStates, masses: Array) -> dic
     constraint[:, 0] = reaction[:, 0]
     constraint[:, 1:] = reaction[:, 1:5] + reaction[:, 5:]
     return {
-        "soil_load": (soil, "force of the soil"),
-        "water_load": (water, "force of the water"),
-        "gravity_load": (gravity, "weight"),
-        "suspension_load": (suspension, "force of springs, dampers and stops"),
-        "constraint_load": (constraint, "reaction of joints, steering and spin constraints"),
+        "soil_load": soil,
+        "water_load": water,
+        "gravity_load": gravity,
+        "suspension_load": suspension,
+        "constraint_load": constraint,
     }
 
 
 def ledger_residual(dataset: xr.Dataset) -> xr.DataArray:
-    """Sum of all loads less mass times acceleration [N], dims (time, body, axis): zero but for the solver's tolerance."""
+    """Sum of all loads less mass times acceleration [N], dims (time, body, axis), ideally 0."""
     loads = ("soil_load", "water_load", "gravity_load", "suspension_load", "constraint_load")
     return sum(dataset[name] for name in loads) - dataset["mass"] * dataset["acceleration"]
 
 
 def energy_residual(dataset: xr.Dataset) -> xr.DataArray:
-    """Work of spin, steering, soil, dampers and water less the change of kinetic and stored energy [J], dims (time,)."""
+    """Work done on the vehicle less the change of its kinetic and stored energy [J], dims (time,), ideally 0."""
     energy = dataset["kinetic_energy"] + dataset["stored_energy"]
     return dataset["work"].sum("work_kind") - (energy - energy.isel(time=0))
 

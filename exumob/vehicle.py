@@ -60,7 +60,9 @@ class Hull:
             "Hull", mass=self.mass, length=self.length, width=self.width, height=self.height,
             ground_clearance=self.ground_clearance, center_of_mass_height=self.center_of_mass_height,
         )  # fmt: skip
-        require_within("Hull", -self.length, self.length, center_of_mass_x=self.center_of_mass_x, center_x=self.center_x)
+        require_within(
+            "Hull", -self.length, self.length, center_of_mass_x=self.center_of_mass_x, center_x=self.center_x
+        )
         require_within("Hull", 0.0, self.length, bow_length=self.bow_length)
         require_within("Hull", 0.0, self.height, bow_height=self.bow_height)
         if self.inertia is not None:
@@ -217,14 +219,14 @@ class Vehicle:
         gap = 0.5 * (self.track - self.wheel.width - self.hull.width)
         if gap < 0.0 and self.hull.ground_clearance < self.wheel.diameter:
             raise ValueError(
-                f"Vehicle.track = {self.track} m puts the tyres {-gap:.3f} m inside the hull; the track must be at least "
+                f"Vehicle.track = {self.track} m puts the tyres {-gap:.3f} m inside the hull; it must be at least "
                 f"hull.width + wheel.width = {self.hull.width + self.wheel.width:.3f} m."
             )
         front = self.front_load_share
         if not 0.05 <= front <= 0.95:
             raise ValueError(
-                f"Hull.center_of_mass_x = {self.hull.center_of_mass_x} m puts {100 * front:.0f} % of the hull's weight on "
-                "the front axle; it must lie between the axles (5 % to 95 %)."
+                f"Hull.center_of_mass_x = {self.hull.center_of_mass_x} m puts {100 * front:.0f} % of the hull's weight "
+                "on the front axle; it must lie between the axles (5 % to 95 %)."
             )
 
     @property
