@@ -60,7 +60,7 @@ def vehicle_outlines(dataset: xr.Dataset, index: int) -> list[Array]:
     half, bow = 0.5 * hull["length"], 0.35 * hull["bow_length"]
     side = 0.5 * hull["width"]
     starboard = np.array([[-half, -side], [half - bow, -side], [half, -0.6 * side]])
-    shapes = [np.concatenate([starboard, starboard[::-1] * (1.0, -1.0)]) + (middle, 0.0)]
+    shapes = [np.concatenate([starboard, starboard[::-1] * np.array([1.0, -1.0])]) + np.array([middle, 0.0])]
     r, w = 0.5 * wheel["diameter"], 0.5 * wheel["width"]
     shapes += [np.array([[-r, -w], [r, -w], [r, w], [-r, w]])] * 4
     position = dataset["position"].values[index, :, :2]
@@ -252,7 +252,7 @@ def animate_run(dataset: xr.Dataset, file: str | Path, frames_per_second: int = 
         figure.canvas.draw()
         figure.set_layout_engine("none")  # laying out every frame anew costs ten times the drawing
         animation = FuncAnimation(figure, draw.frame, frames=frames, blit=False)
-        animation.save(path, writer=writer)
+        animation.save(path, writer=writer, dpi=80)
     plt.close(figure)
 
 
