@@ -633,7 +633,7 @@ def _solver_settings(step: float, duration: float) -> Any:
     integration.generalizedAlpha.spectralRadius = 0.8
     newton = integration.newton
     newton.useModifiedNewton = True
-    newton.modifiedNewtonContractivity = 0.1
+    newton.modifiedNewtonContractivity = 0.05
     newton.relativeTolerance, newton.absoluteTolerance = 1e-4, 1e-6
     settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
     settings.linearSolver.reuseAnalyzedPattern = True
