@@ -1,12 +1,13 @@
 """Checks of user input: each names the field, the value, the limit and the remedy."""
 
 import math
+from numbers import Real
 
 
 def require_finite(owner: str, **values: float) -> None:
     """Raise ``ValueError`` unless every value is a finite number."""
     for field, value in values.items():
-        if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
+        if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
             raise ValueError(f"{owner}.{field} = {value!r} is not a finite number; give a number in SI units.")
 
 

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BSpline, make_interp_spline
 
 from exumob.checks import require_finite, require_positive, require_within
 from exumob.vehicle import Motion
@@ -124,7 +124,9 @@ class ConstantSteer:
 
 
 class Recorded:
-    """Steering and wheel speed interpolated (C2 cubic splines, clamped ends) from recorded samples.
+    """Steering and wheel speed interpolated from recorded samples: quintic splines that start and end steady.
+
+    At both ends the first and second derivatives are zero, so that the vehicle starts without a jolt.
 
     Parameters
     ----------
@@ -156,9 +158,10 @@ class Recorded:
         if speed[0] != 0.0:
             raise ValueError(f"Recorded.wheel_speed starts at {speed[0]} rad/s; it must start at rest (0 rad/s).")
         self._end = float(t[-1])
-        self._angle, self._speed = (CubicSpline(t, a, bc_type="clamped") for a in (angle, speed))
+        steady = [(1, 0.0), (2, 0.0)]
+        self._angle, self._speed = (make_interp_spline(t, a, 5, bc_type=(steady, steady)) for a in (angle, speed))
 
-    def _motion(self, spline: CubicSpline, time: float) -> Motion:
+    def _motion(self, spline: BSpline, time: float) -> Motion:
         t = min(max(time, 0.0), self._end)
         inside = 0.0 <= time <= self._end
         return float(spline(t)), inside * float(spline(t, 1)), inside * float(spline(t, 2))

@@ -7,6 +7,7 @@ touching hard ground at the static ride height. SI units and radians. Vehicle fi
 from __future__ import annotations
 
 import importlib.util
+import inspect
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -99,6 +100,11 @@ class Wheel:
         require_positive("Wheel", mass=self.mass, diameter=self.diameter, width=self.width)
         if self.inertia is not None:
             require_positive("Wheel", inertia_spin=self.inertia[0], inertia_transverse=self.inertia[1])
+            if self.inertia[0] > 2.0 * self.inertia[1]:
+                raise ValueError(
+                    f"Wheel.inertia = {self.inertia}: the spin inertia must not exceed twice the transverse one (no rigid "
+                    "body has that). Give (spin, transverse) about the centre."
+                )
 
     @property
     def radius(self) -> float:
@@ -140,7 +146,9 @@ class Wishbones:
             "Wishbones", upper_length=self.upper_length, lower_length=self.lower_length,
             upper_height=self.upper_height, lower_height=self.lower_height, pivot_spread=self.pivot_spread,
         )  # fmt: skip
-        require_finite("Wishbones", ball_joint_inset=self.ball_joint_inset, upper_pivot_drop=self.upper_pivot_drop)
+        require_finite("Wishbones", ball_joint_inset=self.ball_joint_inset)
+        steepest = 0.9 * self.upper_length
+        require_within("Wishbones", -steepest, steepest, "use a longer arm or a smaller drop.", upper_pivot_drop=self.upper_pivot_drop)
 
 
 @dataclass(frozen=True)
@@ -308,7 +316,10 @@ def load_vehicle(file: str | Path) -> Vehicle:
     if spec is None or spec.loader is None:
         raise ValueError(f"vehicle file {path} is not a Python file; its name must end in .py.")
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    try:
+        spec.loader.exec_module(module)
+    except (SyntaxError, ImportError, NameError, TypeError) as error:
+        raise ValueError(f"vehicle file {path} cannot be run: {type(error).__name__}: {error}; mend it.") from error
     makers = [
         value
         for name, value in vars(module).items()
@@ -316,6 +327,8 @@ def load_vehicle(file: str | Path) -> Vehicle:
     ]
     if len(makers) != 1:
         raise ValueError(f"vehicle file {path} defines {len(makers)} public functions; it must define exactly one.")
+    if any(p.default is p.empty for p in inspect.signature(makers[0]).parameters.values()):
+        raise ValueError(f"{path}: {makers[0].__name__} takes arguments; it must need none.")
     vehicle = makers[0]()
     if not isinstance(vehicle, Vehicle):
         raise ValueError(f"{path}: {makers[0].__name__}() returned {type(vehicle).__name__}; it must return a Vehicle.")

@@ -69,7 +69,7 @@ STANDSTILL_RATE = 1.0e-4
 # --------------------------------------------------------------------------------------------------------------------
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def sinkage_under_load(soil, radius, width, v_x, v_y, omega, load, standstill_rate, out):  # type: ignore[no-untyped-def]
     """Smallest sinkage [m] at which the soil carries `load` [N], NaN if none; leaves the kernel's results in `out`."""
     low = 0.0
