@@ -1,0 +1,44 @@
+"""Every study runs, and gives the numbers that it is about (quick settings)."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from exumob import ConstantSteer, Soil, load_vehicle, simulate
+
+ROOT = Path(__file__).parents[2]
+
+
+def load_study(name):
+    spec = importlib.util.spec_from_file_location(f"study_{name}", ROOT / "studies" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_lane_change_study_shows_what_water_does():
+    """Paper Sec. 4: shorter path and smaller lateral displacement in calm water; the current shortens it further."""
+    result = load_study("lane_change").main(quick=True)
+    dry, calm, current = (result.sel(scenario=name) for name in ("no water", "D60/U0", "D60/U1"))
+    assert 0.9 * dry["forward"] > 0.9 * calm["forward"] > current["forward"] > 2.0
+    assert calm["lateral"] < dry["lateral"]
+    assert abs(np.degrees(dry["yaw"])) < 0.1 < 1.0 < np.degrees(current["yaw"])
+    assert calm["buoyed_share"] == pytest.approx(0.37, abs=0.03)  # displaced 16.6 kg upright at ride height, of 57 kg
+
+
+@pytest.mark.parametrize("file", sorted((ROOT / "vehicle_models").glob("[!_]*.py")), ids=lambda p: p.stem)
+def test_vehicle_file_drives_straight_on_firm_soil(file):
+    """A vehicle file is all it takes: it settles, drives off and reaches the speed of its wheels less some slip."""
+    vehicle = load_vehicle(file)
+    result = simulate(
+        vehicle, Soil.published("LETE sand"), maneuver=ConstantSteer(), duration=3.0, micro_step=5e-4, macro_step=20e-3
+    )
+    rim_speed = 10.0 * vehicle.wheel.radius
+    assert 0.75 * rim_speed < float(result["forward_velocity"][-1]) < rim_speed
+    assert abs(float(result["position"].sel(body="hull", axis="y")[-1])) < 1e-6
+    weight = float(result["soil_force"].sel(axis="z").sum("wheel")[0])
+    assert weight == pytest.approx(vehicle.mass * 9.81, rel=1e-6)
