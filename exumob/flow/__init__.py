@@ -1,0 +1,16 @@
+"""Free-surface flow solver: the high-fidelity water model (paper, Sec. 2.1).
+
+    solver = FlowSolver(grid, solids, water, settings)
+    solver.start(poses)
+    loads = solver.advance(time, poses)
+"""
+
+from exumob.flow.body import Poses, Solid, box, cylinder, hull_prism, mesh_solid, prism, sphere, vehicle_solids
+from exumob.flow.grid import Grid
+from exumob.flow.solver import FlowSettings, FlowSolver, Loads, StepReport
+from exumob.flow.turbulence import Smagorinsky
+
+__all__ = [
+    "FlowSettings", "FlowSolver", "Grid", "Loads", "Poses", "Smagorinsky", "Solid", "StepReport", "box", "cylinder",
+    "hull_prism", "mesh_solid", "prism", "sphere", "vehicle_solids",
+]  # fmt: skip

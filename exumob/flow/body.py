@@ -1,0 +1,412 @@
+"""Solids in the flow: signed distance, and from it how far each cell face is open.
+
+The flow knows of a solid its signed distance and normal at a point (`measure`, in the solid's own axes) and its
+velocity there (a rigid motion). Faces are partly open (FAVOR: Hirt & Sicilian 1985; Batty, Bertails & Bridson, ACM
+Trans. Graph. 26 (2007) 100): the openness is a smooth ramp of the signed distance at the face's centre.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from exumob.checks import require_positive, require_within
+from exumob.flow.grid import Metrics
+from exumob.states import Array, BodyStates
+from exumob.vehicle import Hull, Vehicle
+
+SPHERE, BOX, CYLINDER, PRISM, SAMPLED = range(5)
+HULL_FRICTION = 0.005
+"""Skin-friction coefficient of a hull [-]: turbulent flat plate at Re 3e5 to 2e6 (ITTC 1957: 0.0058 to 0.0041)."""
+WHEEL_FRICTION = 0.03
+"""Skin-friction coefficient of a treaded tyre [-]: rough plate; a guess, its uncertainty is a factor of two."""
+FAR = 1.0e3
+"""Signed distance stored where no solid is near [m]."""
+NEAR_CELLS = 4.0
+"""The distance is known up to this many cells from a solid."""
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A rigid shape in its own axes.
+
+    Parameters
+    ----------
+    kind : int
+        Which branch of `measure` evaluates it.
+    parameters : array
+        Of that branch [m].
+    low, high : array, shape (3,)
+        Bounding box [m].
+    friction : float
+        Skin-friction coefficient on the speed relative to the surface [-], 0 to 1.
+    samples : array, shape (nx, ny, nz)
+        Signed distances [m] of a `SAMPLED` solid.
+    """
+
+    kind: int
+    parameters: Array
+    low: Array
+    high: Array
+    friction: float = 0.0
+    samples: Array = field(default_factory=lambda: np.zeros((2, 2, 2)))
+
+    def __post_init__(self) -> None:
+        require_within("Solid", 0.0, 1.0, friction=self.friction)
+
+    def distance(self, points: Array) -> Array:
+        """Signed distance [m] at points of shape (n, 3) in the solid's axes, < 0 inside."""
+        return np.array([measure(self.kind, self.parameters, self.samples, *p)[0] for p in np.atleast_2d(points)])
+
+
+def sphere(radius: float, friction: float = 0.0) -> Solid:
+    """Sphere about the origin; radius [m]."""
+    require_positive("sphere", radius=radius)
+    corner = np.full(3, radius)
+    return Solid(SPHERE, np.array([radius]), -corner, corner, friction)
+
+
+def box(length: float, width: float, height: float, friction: float = 0.0) -> Solid:
+    """Box about the origin with edges along the axes [m]."""
+    require_positive("box", length=length, width=width, height=height)
+    half = 0.5 * np.array([length, width, height])
+    return Solid(BOX, half, -half, half, friction)
+
+
+def cylinder(radius: float, width: float, edge_radius: float = 0.0, friction: float = WHEEL_FRICTION) -> Solid:
+    """Cylinder about the y axis (a wheel) with rounded edges [m]."""
+    require_positive("cylinder", radius=radius, width=width)
+    require_within(
+        "cylinder", 0.0, min(radius, 0.5 * width), "an edge cannot be rounder than the cylinder.",
+        edge_radius=edge_radius,
+    )  # fmt: skip
+    corner = np.array([radius, 0.5 * width, radius])
+    return Solid(CYLINDER, np.array([radius, 0.5 * width, edge_radius]), -corner, corner, friction)
+
+
+def prism(outline: Array, width: float, friction: float = 0.0) -> Solid:
+    """Polygon in x, z (counter-clockwise with x to the right and z up; shape (n, 2) [m]), extruded along y [m]."""
+    outline = np.asarray(outline, dtype=float)
+    require_positive("prism", width=width)
+    x, z = outline[:, 0], outline[:, 1]
+    area = 0.5 * float(np.sum(x * np.roll(z, -1) - np.roll(x, -1) * z))
+    if area <= 0.0:
+        raise ValueError(f"prism outline encloses {area:g} m^2; give its corners counter-clockwise in (x, z).")
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    parameters = np.concatenate([[0.5 * width, len(outline)], outline.ravel()])
+    corners = np.array([low[0], -0.5 * width, low[1]]), np.array([high[0], 0.5 * width, high[1]])
+    return Solid(PRISM, parameters, *corners, friction)
+
+
+def hull_prism(hull: Hull, friction: float = HULL_FRICTION) -> Solid:
+    """Raked-bow box of a `Hull` about its centre of mass."""
+    stern, bow = hull.center_x - 0.5 * hull.length, hull.center_x + 0.5 * hull.length
+    keel = hull.ground_clearance
+    outline = np.array(
+        [
+            [stern, keel], [bow - hull.bow_length, keel], [bow, keel + hull.bow_height],
+            [bow, keel + hull.height], [stern, keel + hull.height],
+        ]
+    )  # fmt: skip
+    apart = np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1) > 0.0
+    return prism(outline[apart] - [hull.center_of_mass_x, hull.center_of_mass_height], hull.width, friction)
+
+
+def mesh_solid(triangles: Array, spacing: float, friction: float = HULL_FRICTION) -> Solid:
+    """Watertight triangle mesh, sampled once to a grid of signed distances; needs trimesh.
+
+    Parameters
+    ----------
+    triangles : array, shape (n, 3, 3)
+        Corners in the solid's axes [m], counter-clockwise from outside (`exumob.hydrodynamics.surface.mesh_triangles`
+        reads and checks a file).
+    spacing : float
+        Of the samples [m]; half a cell of the flow's grid or less.
+    friction : float
+        Skin-friction coefficient [-].
+    """
+    try:
+        import trimesh
+    except ImportError as error:
+        raise ImportError("a mesh in the flow needs the package trimesh: pip install 'exumob[mesh]'.") from error
+    require_positive("mesh_solid", spacing=spacing)
+    mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+    mesh.merge_vertices()
+    if not mesh.is_watertight or mesh.volume <= 0.0:
+        raise ValueError("mesh_solid: the mesh is not closed or its faces point inwards; repair it first.")
+    low, high = mesh.bounds[0].copy(), mesh.bounds[1].copy()
+    start = low - 6.0 * spacing
+    counts = np.ceil((high + 6.0 * spacing - start) / spacing).astype(int) + 1
+    axes = [start[a] + spacing * np.arange(counts[a]) for a in range(3)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    distances = np.empty(len(points))
+    for first in range(0, len(points), 20000):
+        part = points[first : first + 20000]
+        _, apart, _ = trimesh.proximity.closest_point_naive(mesh, part) if len(triangles) < 200 else (
+            trimesh.proximity.closest_point(mesh, part)
+        )  # fmt: skip
+        distances[first : first + 20000] = np.where(_inside(triangles, part), -apart, apart)
+    return Solid(
+        SAMPLED, np.concatenate([start, [spacing]]), low, high, friction, distances.reshape(tuple(counts)).copy()
+    )
+
+
+def _inside(triangles: Array, points: Array) -> NDArray[np.bool_]:
+    """Whether points lie inside a closed mesh: winding number from solid angles (Van Oosterom & Strackee 1983)."""
+    total = np.zeros(len(points))
+    for a, b, c in triangles:
+        ra, rb, rc = a - points, b - points, c - points
+        la, lb, lc = (np.linalg.norm(r, axis=1) for r in (ra, rb, rc))
+        volume = np.einsum("ni,ni->n", ra, np.cross(rb, rc))
+        dots = [np.einsum("ni,ni->n", p, q) for p, q in ((ra, rb), (rb, rc), (rc, ra))]
+        total += 2.0 * np.arctan2(volume, la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb)
+    return np.abs(total) > 2.0 * math.pi
+
+
+def vehicle_solids(vehicle: Vehicle, cell_size: float) -> tuple[Solid, ...]:
+    """Solids of the five bodies, order of `exumob.states.BODIES`, each about its body's origin.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    cell_size : float
+        Of the flow's grid [m]; a hull mesh is sampled at half of it.
+    """
+    if vehicle.hull.mesh is None:
+        hull = hull_prism(vehicle.hull)
+    else:
+        from exumob.hydrodynamics.surface import mesh_triangles
+
+        hull = mesh_solid(mesh_triangles(vehicle.hull.mesh) - vehicle.hull_origin, 0.5 * cell_size)
+    wheel = cylinder(vehicle.wheel.radius, vehicle.wheel.width, 0.1 * vehicle.wheel.width)
+    return hull, wheel, wheel, wheel, wheel
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Positions and velocities of n solids at one instant, world axes."""
+
+    position: Array
+    """Origins [m], shape (n, 3)"""
+    rotation: Array
+    """Body -> world, shape (n, 3, 3)"""
+    velocity: Array
+    """Of the origins [m/s], shape (n, 3)"""
+    angular_velocity: Array
+    """[rad/s], shape (n, 3)"""
+    spin: Array
+    """Of the surface about the body's own y axis, not part of the angular velocity (a wheel) [rad/s], shape (n,)"""
+
+    @classmethod
+    def at_rest(cls, position: Any, rotation: Any = None) -> Poses:
+        """Solids that do not move; position [m], shape (n, 3)."""
+        position = np.atleast_2d(np.asarray(position, dtype=float))
+        n = len(position)
+        turned = np.broadcast_to(np.eye(3), (n, 3, 3)).copy() if rotation is None else np.asarray(rotation, dtype=float)
+        return cls(position, turned, np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n))
+
+    @classmethod
+    def from_states(cls, states: BodyStates) -> Poses:
+        """Last instant of the states of the five bodies."""
+        spin = np.concatenate([[0.0], states.wheel_speed[-1]])
+        return cls(
+            states.position[-1], states.rotation[-1], states.velocity[-1], states.angular_velocity[-1], spin
+        )  # fmt: skip
+
+
+class Openness(NamedTuple):
+    """What the solids leave open: per face openness 0 to 1 and solid velocity, per cell distance and nearest solid."""
+
+    bx: Array
+    by: Array
+    bz: Array
+    """Openness of the low x, y, z faces [-]"""
+    sx: Array
+    sy: Array
+    sz: Array
+    """Solid velocity on them, normal component, grid axes [m/s]; spin not included"""
+    distance: Array
+    """Signed distance of the cell's centre to the nearest solid [m]"""
+    nearest: NDArray[np.int8]
+    """Its number, -1 if none is near"""
+
+    @classmethod
+    def open(cls, shape: tuple[int, int, int]) -> Openness:
+        """No solids."""
+        faces = [np.ones(shape) for _ in range(3)] + [np.zeros(shape) for _ in range(3)]
+        return cls(*faces, np.full(shape, FAR), np.full(shape, -1, dtype=np.int8))
+
+
+def clear(openness: Openness, region: Array) -> None:
+    """Remove all solids from an index box (j0, j1, k0, k1, i0, i1)."""
+    j0, j1, k0, k1, i0, i1 = region
+    for name, value in zip(Openness._fields, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0, FAR, -1), strict=True):
+        getattr(openness, name)[j0:j1, k0:k1, i0:i1] = value
+
+
+def index_region(metrics: Metrics, solid: Solid, position: Array, rotation: Array, margin: float) -> NDArray[np.int64]:
+    """Index box (j0, j1, k0, k1, i0, i1; ends exclusive) of the cells within `margin` [m] of a solid's bounding box."""
+    middle, half = 0.5 * (solid.low + solid.high), 0.5 * (solid.high - solid.low)
+    center = position + rotation @ middle
+    extent = np.abs(rotation) @ half + margin
+    bounds = []
+    for axis, faces in ((1, metrics.yf), (2, metrics.zf), (0, metrics.xf)):
+        first = int(np.searchsorted(faces, center[axis] - extent[axis])) - 1
+        last = int(np.searchsorted(faces, center[axis] + extent[axis])) + 1
+        bounds += [min(max(first, 0), len(faces) - 1), min(max(last, 0), len(faces) - 1)]
+    return np.array(bounds, dtype=np.int64)
+
+
+@njit(cache=True, error_model="numpy")
+def measure(
+    kind: int, parameters: Array, samples: Array, x: float, y: float, z: float
+) -> tuple[float, float, float, float]:
+    """Signed distance [m] (< 0 inside) and outward unit normal of a solid at a point of its own axes [m]."""
+    if kind == SPHERE:
+        r = math.sqrt(x * x + y * y + z * z)
+        s = 1.0 / max(r, 1e-300)
+        return r - parameters[0], x * s, y * s, z * s
+    if kind == BOX:
+        ax, ay, az = abs(x) - parameters[0], abs(y) - parameters[1], abs(z) - parameters[2]
+        d, nx, ny, nz = _corner(ax, ay, az)
+        return d, math.copysign(nx, x), math.copysign(ny, y), math.copysign(nz, z)
+    if kind == CYLINDER:
+        r = math.sqrt(x * x + z * z)
+        edge = parameters[2]
+        d, nr, ny, _ = _corner(r - parameters[0] + edge, abs(y) - parameters[1] + edge, -1e30)
+        s = nr / max(r, 1e-300)
+        return d - edge, s * x, math.copysign(ny, y), s * z
+    if kind == PRISM:
+        d, nx, nz = _polygon(parameters, x, z)
+        d, n2, ny, _ = _corner(d, abs(y) - parameters[0], -1e30)
+        return d, n2 * nx, math.copysign(ny, y), n2 * nz
+    return _sampled(parameters, samples, x, y, z)
+
+
+@njit(cache=True, error_model="numpy")
+def _corner(a: float, b: float, c: float) -> tuple[float, float, float, float]:
+    """Distance and normal (absolute) of the intersection of three half spaces at signed distances a, b, c."""
+    pa, pb, pc = max(a, 0.0), max(b, 0.0), max(c, 0.0)
+    d = math.sqrt(pa * pa + pb * pb + pc * pc)
+    if d > 0.0:
+        return d, pa / d, pb / d, pc / d
+    if a >= b and a >= c:
+        return a, 1.0, 0.0, 0.0
+    if b >= c:
+        return b, 0.0, 1.0, 0.0
+    return c, 0.0, 0.0, 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def _polygon(parameters: Array, x: float, z: float) -> tuple[float, float, float]:
+    """Signed distance and outward normal of a counter-clockwise polygon."""
+    n = int(parameters[1])
+    best, bx, bz, inside = 1e300, 0.0, 0.0, False
+    ex, ez = 0.0, 0.0
+    for m in range(n):
+        l = m + 1 if m + 1 < n else 0  # noqa: E741
+        x0, z0 = parameters[2 + 2 * m], parameters[3 + 2 * m]
+        x1, z1 = parameters[2 + 2 * l], parameters[3 + 2 * l]
+        tx, tz = x1 - x0, z1 - z0
+        part = min(max(((x - x0) * tx + (z - z0) * tz) / (tx * tx + tz * tz), 0.0), 1.0)
+        px, pz = x - x0 - part * tx, z - z0 - part * tz
+        d2 = px * px + pz * pz
+        if d2 < best:
+            best, bx, bz, ex, ez = d2, px, pz, tz, -tx
+        if (z0 > z) != (z1 > z) and x < x0 + (z - z0) * tx / tz:
+            inside = not inside
+    d = math.sqrt(best)
+    if d < 1e-12:
+        s = 1.0 / math.sqrt(ex * ex + ez * ez)
+        return 0.0, s * ex, s * ez
+    if inside:
+        return -d, -bx / d, -bz / d
+    return d, bx / d, bz / d
+
+
+@njit(cache=True, error_model="numpy")
+def _sampled(parameters: Array, samples: Array, x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    """Trilinear interpolation of sampled distances; beyond the samples, the distance to them is added."""
+    h = parameters[3]
+    n0, n1, n2 = samples.shape
+    px, py, pz = (x - parameters[0]) / h, (y - parameters[1]) / h, (z - parameters[2]) / h
+    qx, qy, qz = min(max(px, 0.0), n0 - 1.001), min(max(py, 0.0), n1 - 1.001), min(max(pz, 0.0), n2 - 1.001)
+    a, b, c = int(qx), int(qy), int(qz)
+    fx, fy, fz = qx - a, qy - b, qz - c
+    d, gx, gy, gz = 0.0, 0.0, 0.0, 0.0
+    for l in range(2):  # noqa: E741
+        wx, sx = (fx, 1.0) if l else (1.0 - fx, -1.0)
+        for m in range(2):
+            wy, sy = (fy, 1.0) if m else (1.0 - fy, -1.0)
+            for n in range(2):
+                wz, sz = (fz, 1.0) if n else (1.0 - fz, -1.0)
+                value = samples[a + l, b + m, c + n]
+                d += wx * wy * wz * value
+                gx += sx * wy * wz * value
+                gy += wx * sy * wz * value
+                gz += wx * wy * sz * value
+    norm = max(math.sqrt(gx * gx + gy * gy + gz * gz), 1e-300)
+    away = h * math.sqrt((px - qx) ** 2 + (py - qy) ** 2 + (pz - qz) ** 2)
+    return d + away, gx / norm, gy / norm, gz / norm
+
+
+@njit(cache=True, error_model="numpy")
+def ramp(s: float) -> float:
+    """Openness for a signed distance over the projected cell width: a cell-wide average of an average over a cell.
+
+    Its sum over equidistant faces does not depend on where between them the wall is.
+    """
+    if s <= -1.0:
+        return 0.0
+    if s >= 1.0:
+        return 1.0
+    return 0.5 * (1.0 + s) ** 2 if s < 0.0 else 1.0 - 0.5 * (1.0 - s) ** 2
+
+
+@njit(cache=True, error_model="numpy")
+def place_solid(
+    number: int, kind: int, parameters: Array, samples: Array, position: Array, rotation: Array, velocity: Array,
+    angular_velocity: Array, region: NDArray[np.int64], metrics: Metrics, openness: Openness,
+) -> None:  # fmt: skip
+    """Close what a solid closes; pose and velocity in grid axes [m, m/s, rad/s]."""
+    j0, j1, k0, k1, i0, i1 = region
+    faces = (openness.bx, openness.by, openness.bz)
+    speeds = (openness.sx, openness.sy, openness.sz)
+    r = rotation
+    for j in range(j0, j1):
+        for k in range(k0, k1):
+            for i in range(i0, i1):
+                width = max(metrics.dx[i], metrics.dy[j], metrics.dz[k])
+                for place in range(4):  # the cell's centre, then its low x, y and z faces
+                    x = (metrics.xf[i] if place == 1 else metrics.xc[i]) - position[0]
+                    y = (metrics.yf[j] if place == 2 else metrics.yc[j]) - position[1]
+                    z = (metrics.zf[k] if place == 3 else metrics.zc[k]) - position[2]
+                    d, nx, ny, nz = measure(
+                        kind, parameters, samples, r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
+                        r[0, 1] * x + r[1, 1] * y + r[2, 1] * z, r[0, 2] * x + r[1, 2] * y + r[2, 2] * z,
+                    )  # fmt: skip
+                    if place == 0:
+                        if d < openness.distance[j, k, i]:
+                            openness.distance[j, k, i] = d
+                            openness.nearest[j, k, i] = number
+                        if d > NEAR_CELLS * width:
+                            break
+                        continue
+                    gx = abs(r[0, 0] * nx + r[0, 1] * ny + r[0, 2] * nz)
+                    gy = abs(r[1, 0] * nx + r[1, 1] * ny + r[1, 2] * nz)
+                    gz = abs(r[2, 0] * nx + r[2, 1] * ny + r[2, 2] * nz)
+                    value = ramp(d / (gx * metrics.dx[i] + gy * metrics.dy[j] + gz * metrics.dz[k]))
+                    if value < faces[place - 1][j, k, i]:
+                        faces[place - 1][j, k, i] = value
+                        if place == 1:
+                            speed = velocity[0] + angular_velocity[1] * z - angular_velocity[2] * y
+                        elif place == 2:
+                            speed = velocity[1] + angular_velocity[2] * x - angular_velocity[0] * z
+                        else:
+                            speed = velocity[2] + angular_velocity[0] * y - angular_velocity[1] * x
+                        speeds[place - 1][j, k, i] = speed

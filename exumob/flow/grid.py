@@ -1,0 +1,179 @@
+"""Cartesian, mildly stretched grid of the flow solver.
+
+Grid axes: x forward, y left, z up, origin on the bed below the vehicle's reference point; the grid may translate and
+yaw over the bed. Arrays are ordered [j, k, i] (y, z, x; x fastest) and carry `HALO` cells on every side. A velocity
+component is stored on the low face of its cell.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from exumob.checks import require_positive, require_within
+from exumob.states import Array
+
+HALO = 2
+"""Cells beyond the window on every side. Those below the bed hold saturated soil when forces are summed."""
+
+
+class Metrics(NamedTuple):
+    """Coordinates and widths [m], halo included; one array an axis: low faces f (one longer), centres c, widths d,
+    distances e from the centre before."""
+
+    xf: Array
+    xc: Array
+    dx: Array
+    ex: Array
+    yf: Array
+    yc: Array
+    dy: Array
+    ey: Array
+    zf: Array
+    zc: Array
+    dz: Array
+    ez: Array
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Window of the flow: faces along x, y and z [m], each increasing; z starts at the bed, z = 0.
+
+    Raises
+    ------
+    ValueError
+        If faces do not increase, neighbouring widths differ by more than 15 %, an axis has fewer than 4 cells, or the
+        lowest z face is not the bed.
+    """
+
+    x_faces: Array
+    y_faces: Array
+    z_faces: Array
+
+    def __post_init__(self) -> None:
+        for name in ("x_faces", "y_faces", "z_faces"):
+            faces = np.array(getattr(self, name), dtype=float)
+            widths = np.diff(faces)
+            if faces.ndim != 1 or len(widths) < 4:
+                raise ValueError(f"Grid.{name} makes {max(len(faces) - 1, 0)} cells; every axis needs at least 4.")
+            if not np.all(np.isfinite(faces)) or widths.min() <= 0.0:
+                raise ValueError(f"Grid.{name} must be finite and increase from each face to the next.")
+            jump = float(np.max(np.abs(np.diff(np.log(widths)))))
+            if jump > math.log(1.15):
+                raise ValueError(
+                    f"Grid.{name}: neighbouring widths differ by {100 * (math.exp(jump) - 1):.0f} %; keep the growth "
+                    "below 15 % (better 4 %): the pressure solver slows down and waves reflect."
+                )
+            object.__setattr__(self, name, faces)
+        if abs(self.z_faces[0]) > 1e-9:
+            raise ValueError(f"Grid.z_faces[0] = {self.z_faces[0]} m must be 0: the lowest face is the bed.")
+
+    @classmethod
+    def uniform(cls, low: ArrayLike, high: ArrayLike, cell_size: float | ArrayLike) -> Grid:
+        """Uniform grid between two corners [m], shape (3,); the cell size [m] is rounded so that whole cells fit."""
+        low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+        sizes = np.broadcast_to(np.asarray(cell_size, dtype=float), (3,))
+        require_positive("Grid.uniform", **{f"cell_size_{a}": float(s) for a, s in zip("xyz", sizes, strict=True)})
+        counts = np.maximum(np.rint((high - low) / sizes).astype(int), 1)
+        return cls(*(np.linspace(low[a], high[a], counts[a] + 1) for a in range(3)))
+
+    @classmethod
+    def stretched(
+        cls, core_low: ArrayLike, core_high: ArrayLike, low: ArrayLike, high: ArrayLike, cell_size: float,
+        growth: float = 1.035,
+    ) -> Grid:  # fmt: skip
+        """Cubic cells in a core, growing geometrically from there to the window's faces.
+
+        Parameters
+        ----------
+        core_low, core_high, low, high : array-like, shape (3,)
+            Corners of the core and of the window [m].
+        cell_size : float
+            Edge of the core's cells [m], > 0.
+        growth : float
+            Ratio of neighbouring widths outside the core, 1 to 1.1.
+        """
+        require_positive("Grid.stretched", cell_size=cell_size)
+        require_within("Grid.stretched", 1.0, 1.1, "strong stretching slows the pressure solver.", growth=growth)
+        corners = [np.asarray(c, dtype=float) for c in (low, core_low, core_high, high)]
+        return cls(*(graded_faces(*(float(c[a]) for c in corners), cell_size, growth) for a in range(3)))
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Numbers of cells (y, z, x) without halo."""
+        return len(self.y_faces) - 1, len(self.z_faces) - 1, len(self.x_faces) - 1
+
+    @property
+    def padded_shape(self) -> tuple[int, int, int]:
+        """Shape of a field, halo included."""
+        ny, nz, nx = self.shape
+        return ny + 2 * HALO, nz + 2 * HALO, nx + 2 * HALO
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells without halo."""
+        return math.prod(self.shape)
+
+    @property
+    def smallest_width(self) -> float:
+        """[m]"""
+        return float(min(np.diff(f).min() for f in (self.x_faces, self.y_faces, self.z_faces)))
+
+    @cached_property
+    def metrics(self) -> Metrics:
+        """Coordinates and widths with halo."""
+        parts: list[Array] = []
+        for faces in (self.x_faces, self.y_faces, self.z_faces):
+            first, last = faces[1] - faces[0], faces[-1] - faces[-2]
+            before = faces[0] - first * np.arange(HALO, 0, -1)
+            after = faces[-1] + last * np.arange(1, HALO + 1)
+            f = np.concatenate([before, faces, after])
+            centers = 0.5 * (f[:-1] + f[1:])
+            parts += [f, centers, np.diff(f), np.concatenate([[first], np.diff(centers)])]
+        return Metrics(*parts)
+
+    def zeros(self) -> Array:
+        """Field of zeros, halo included."""
+        return np.zeros(self.padded_shape)
+
+    def cell_volumes(self) -> Array:
+        """Volumes without halo [m^3], shape (y, z, x)."""
+        dx, dy, dz = np.diff(self.x_faces), np.diff(self.y_faces), np.diff(self.z_faces)
+        return dy[:, None, None] * dz[None, :, None] * dx[None, None, :]
+
+
+def graded_faces(low: float, core_low: float, core_high: float, high: float, size: float, growth: float) -> Array:
+    """Faces [m] of equal width in [core_low, core_high], growing by `growth` outwards to `low` and `high`.
+
+    The outer widths are scaled a little so that whole cells fit; the core keeps its own size, rounded to fit.
+    """
+    if not low <= core_low < core_high <= high:
+        raise ValueError(f"the core [{core_low:g}, {core_high:g}] m must lie inside the window [{low:g}, {high:g}] m.")
+    count = max(round((core_high - core_low) / size), 1)
+    core = np.linspace(core_low, core_high, count + 1)
+    size = (core_high - core_low) / count
+
+    def outward(extent: float) -> Array:
+        if extent < 0.5 * size:
+            return np.zeros(0)
+        n, total = 0, 0.0
+        while total + 0.5 * size * growth ** (n + 1) < extent:
+            n += 1
+            total += size * growth**n
+        n = max(n, 1)
+        low_ratio, high_ratio = 0.5, 2.0  # the ratio that fills the extent exactly with n cells
+        for _ in range(100):
+            ratio = 0.5 * (low_ratio + high_ratio)
+            if size * np.sum(ratio ** np.arange(1, n + 1)) < extent:
+                low_ratio = ratio
+            else:
+                high_ratio = ratio
+        return np.cumsum(size * ratio ** np.arange(1, n + 1))
+
+    below, above = outward(core_low - low), outward(high - core_high)
+    return np.concatenate([core[0] - below[::-1], core, core[-1] + above])

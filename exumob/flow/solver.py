@@ -1,0 +1,642 @@
+"""The flow solver: water with a free surface round moving solids, on a grid that follows one of them."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from exumob.checks import require_positive, require_within
+from exumob.environment import Water
+from exumob.errors import SimulationError
+from exumob.flow import advection, boundary, forces, interface, pressure, turbulence
+from exumob.flow.body import Openness, Poses, Solid, clear, index_region, place_solid
+from exumob.flow.grid import HALO, Grid
+from exumob.states import Array
+
+log = logging.getLogger(__name__)
+
+SWEEPS = ((0, 1, 2), (2, 1, 0), (1, 2, 0), (0, 2, 1), (2, 0, 1), (1, 0, 2))
+"""Orders of the three sweeps that carry the fraction, in turn."""
+
+
+@dataclass(frozen=True)
+class FlowSettings:
+    """How the flow is computed; the defaults are those of the vehicle runs.
+
+    Parameters
+    ----------
+    follow : int or None
+        Solid whose place and heading the grid follows (0 the hull); None: the grid stays in the world's axes.
+    far_x, far_y : bool
+        Whether the sides across x and across y are far field (the undisturbed current, with a zone before it that
+        absorbs waves); walls otherwise.
+    absorbing_width : float
+        Of that zone [m].
+    absorbing_rate : float
+        Relaxation rate at the very side [1/s]; it falls with the square of the distance.
+    closed_top : bool
+        True: the top is a wall, for basins full of water.
+    closure : object or None
+        Turbulence model (`exumob.flow.turbulence.Closure`); None: laminar.
+    viscosity : float
+        Molecular, kinematic [m^2/s].
+    wall_shear : bool
+        Whether solids exert wall friction.
+    pore_pressure : bool
+        Whether the pressure on solids goes on below the bed (saturated soil).
+    courant : float
+        Largest sum over the axes of speed times step over width [-]; longer steps are divided.
+    tolerance : float
+        Divergence times step left by the pressure solution [-].
+    iterations : int
+        Largest number of pressure iterations.
+    closest_surface : float
+        Least distance of the surface from a cell's centre over the distance between centres [-].
+    void_stiffness : float
+        Closing of voids, div u = -void_stiffness (1 - fraction)^2 p / density [s/m^2].
+    refill_depth : float
+        How deep solids are refilled with the fraction beside them [cells].
+    fastest : float
+        Speed relative to the grid above which a step counts as failed [m/s].
+    threads : int
+        Threads of the kernels.
+    """
+
+    follow: int | None = 0
+    far_x: bool = True
+    far_y: bool = True
+    absorbing_width: float = 0.6
+    absorbing_rate: float = 20.0
+    closed_top: bool = False
+    closure: turbulence.Closure | None = turbulence.Smagorinsky()
+    viscosity: float = turbulence.MOLECULAR_VISCOSITY
+    wall_shear: bool = True
+    pore_pressure: bool = True
+    courant: float = 0.4
+    tolerance: float = 1.0e-7
+    iterations: int = 60
+    closest_surface: float = 0.01
+    void_stiffness: float = 1000.0
+    refill_depth: float = 3.0
+    fastest: float = 30.0
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        require_positive(
+            "FlowSettings", absorbing_width=self.absorbing_width, tolerance=self.tolerance, fastest=self.fastest,
+            iterations=self.iterations,
+        )  # fmt: skip
+        require_within("FlowSettings", 0.0, 1.0e3, absorbing_rate=self.absorbing_rate)
+        require_within("FlowSettings", 0.0, 1.0e5, void_stiffness=self.void_stiffness)
+        require_within("FlowSettings", 0.0, 1.0, viscosity=self.viscosity)
+        require_within(
+            "FlowSettings", 0.01, 0.5, "the transport of the fraction is bounded up to 0.5.", courant=self.courant
+        )  # fmt: skip
+        require_within("FlowSettings", 1e-4, 0.2, closest_surface=self.closest_surface)
+        require_within("FlowSettings", 1.0, 6.0, refill_depth=self.refill_depth)
+        most = int(numba.config.NUMBA_NUM_THREADS)
+        require_within(
+            "FlowSettings", 1, most, "set the environment variable NUMBA_NUM_THREADS before the start for more.",
+            threads=self.threads,
+        )  # fmt: skip
+        if self.follow is not None and not (self.far_x and self.far_y):
+            raise ValueError(
+                "FlowSettings.follow: a grid that moves has no walls; set follow=None for a tank, or far_x = far_y = True."
+            )
+
+
+@dataclass
+class FlowState:
+    """All that changes in time and cannot be computed from the rest; arrays carry the halo."""
+
+    u: Array
+    v: Array
+    w: Array
+    """Absolute velocity on the low faces, grid axes [m/s]"""
+    cx: Array
+    cy: Array
+    cz: Array
+    """Velocity on full faces that carries fraction and momentum [m/s]"""
+    fraction: Array
+    """Water per full cell [-]"""
+    phi: Array
+    """dt times piezometric pressure over density [m^2/s]"""
+    phi_dt: float
+    """The dt in phi [s]"""
+    time: float
+    """[s]"""
+    frame: Array
+    """Grid origin x, y [m] and yaw [rad] in the world, shape (3,)"""
+    steps: int
+    """Steps done"""
+
+    def copy_from(self, other: FlowState) -> None:
+        """Take the values of another state."""
+        for f in fields(self):
+            value = getattr(other, f.name)
+            if isinstance(value, np.ndarray):
+                getattr(self, f.name)[...] = value
+            else:
+                setattr(self, f.name, value)
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Loads on n solids in their own axes about their origins: force [N] and moment [N m], each of shape (n, 6)."""
+
+    pressure: Array
+    shear: Array
+    exchange: Array
+    """Momentum that faces hardly open pass to the wall"""
+
+    @property
+    def total(self) -> Array:
+        """Sum of the three, shape (n, 6)."""
+        return self.pressure + self.shear + self.exchange
+
+
+@dataclass(frozen=True)
+class StepReport:
+    """What one call of `FlowSolver.advance` took."""
+
+    steps: int
+    """Sub-steps"""
+    iterations: int
+    """Pressure iterations, all sub-steps together"""
+    residual: float
+    """Largest divergence times step left [-]"""
+    courant: float
+    """Largest Courant number [-]"""
+    halvings: int
+    """Steps that failed and were halved"""
+
+
+class FlowSolver:
+    """Incompressible flow with a free surface round n solids (paper Eqs. 1-2; flat bed at z = 0).
+
+    Call `start` once with the solids' poses, then `advance` with the poses at the end of each interval.
+
+    Parameters
+    ----------
+    grid : Grid
+        Window in the axes of the followed solid (or of the world).
+    solids : sequence of Solid
+    water : Water
+        Depth, current and density.
+    settings : FlowSettings
+    """
+
+    def __init__(
+        self, grid: Grid, solids: Sequence[Solid], water: Water, settings: FlowSettings | None = None
+    ) -> None:
+        """Allocate; see the class."""
+        self.grid, self.solids, self.water = grid, tuple(solids), water
+        self.settings = settings = settings or FlowSettings()
+        self.metrics = grid.metrics
+        top = float(grid.z_faces[-1])
+        if water.depth > top - (0.0 if settings.closed_top else 2.0 * grid.smallest_width):
+            raise ValueError(
+                f"Water.depth = {water.depth} m does not fit a window {top:g} m high; raise Grid.z_faces to at least "
+                f"{2.0 * water.depth:g} m (three times the depth for bow waves)."
+            )
+        if settings.follow is not None and settings.follow >= len(self.solids):
+            raise ValueError(
+                f"FlowSettings.follow = {settings.follow}, but there are {len(self.solids)} solids; use None to keep the "
+                "grid in place."
+            )
+        shape = grid.padded_shape
+        self._state, self._next = (
+            FlowState(*(np.zeros(shape) for _ in range(8)), 1.0, 0.0, np.zeros(3), 0) for _ in range(2)
+        )
+        self.openness = Openness.open(shape)
+        self.levels = pressure.Levels(shape)
+        self._wet = np.zeros(shape, dtype=np.uint8)
+        self._flow = tuple(np.zeros(shape) for _ in range(3))
+        self._extended = tuple(np.zeros(shape) for _ in range(3))
+        self._change = tuple(np.zeros(shape) for _ in range(3))
+        self._theta = tuple(np.ones(shape) for _ in range(3))
+        self._labels = tuple(np.zeros(shape, dtype=np.uint8) for _ in range(3))
+        self._lists = tuple(np.zeros(math.prod(shape), dtype=np.int64) for _ in range(2))
+        self._scratch = np.zeros(shape)
+        self._viscosity = np.full(shape, settings.viscosity)
+        self._rows = np.zeros(shape[0])
+        self._still = boundary.level_fractions(self.metrics, water.depth)
+        self._rates = self._absorbing_rates()
+        self._friction = np.array([s.friction for s in self.solids])
+        self._regions = np.zeros((len(self.solids), 6), dtype=np.int64)
+        self._poses: Poses | None = None
+        self.volume_added = 0.0
+        """Water that the far field has added to the window [m^3]"""
+
+    def _absorbing_rates(self) -> tuple[Array, Array]:
+        s, m = self.settings, self.metrics
+        rates = []
+        for far, centers, faces in ((s.far_x, m.xc, self.grid.x_faces), (s.far_y, m.yc, self.grid.y_faces)):
+            inside = np.minimum(centers - faces[0], faces[-1] - centers)
+            part = np.clip(1.0 - inside / s.absorbing_width, 0.0, 1.0)
+            rates.append(s.absorbing_rate * part**2 if far else np.zeros(len(centers)))
+        return rates[0], rates[1]
+
+    # -- the interval ---------------------------------------------------------------------------------------------
+
+    def start(self, poses: Poses | None = None, time: float = 0.0) -> None:
+        """Fill the window with still or uniformly flowing water round the solids at their poses."""
+        poses = poses if poses is not None else Poses.at_rest(np.zeros((0, 3)))
+        if len(poses.position) != len(self.solids):
+            raise ValueError(f"start: {len(poses.position)} poses for {len(self.solids)} solids; give one for each.")
+        state = self._state
+        state.time, state.steps, state.phi_dt = time, 0, 1.0
+        state.frame[:] = self._frame(poses)
+        state.fraction[:] = self._still[None, :, None]
+        far = self._far(state.frame[2])
+        for q, value in zip((state.u, state.v, state.w), far, strict=True):
+            q[:] = value
+        state.phi[:] = 0.0
+        self._poses, self.volume_added = poses, 0.0
+        self._place(poses, state.frame)
+        self._fill(state, far)
+        self._complete_velocity(state)
+        self.loads = Loads(*(np.zeros((len(self.solids), 6)) for _ in range(3)))
+
+    def set_flow(self, fraction: Array | None = None, velocity: tuple[Array, Array, Array] | None = None) -> None:
+        """Replace the water after `start`: fraction [-] and face velocities [m/s], without halo.
+
+        Parameters
+        ----------
+        fraction : array, shape (ny, nz, nx)
+        velocity : three arrays
+            Low faces of every cell and the window's high face: (ny, nz, nx + 1), (ny + 1, nz, nx), (ny, nz + 1, nx).
+        """
+        state, h = self._state, HALO
+        if fraction is not None:
+            state.fraction[h:-h, h:-h, h:-h] = fraction
+        if velocity is not None:
+            for q, values in zip((state.u, state.v, state.w), velocity, strict=True):
+                n = values.shape
+                q[h : h + n[0], h : h + n[1], h : h + n[2]] = values
+        self._fill(state, self._far(state.frame[2]))
+        self._complete_velocity(state)
+
+    def advance(self, time: float, poses: Poses | None = None) -> Array:
+        """Go on to `time` with the solids moving to `poses`; return the mean loads over the interval.
+
+        Parameters
+        ----------
+        time : float
+            [s], after the present time.
+        poses : Poses
+            Of the solids at `time`; may be left out without solids or with all at rest.
+
+        Returns
+        -------
+        array, shape (n, 6)
+            Force [N], moment [N m] about each solid's origin in its own axes; parts in `loads`, effort in `report`.
+
+        Raises
+        ------
+        SimulationError
+            If a step fails even when divided by 16. The state is that before the failed step and can be saved.
+        """
+        if self._poses is None:
+            raise ValueError("FlowSolver.advance: call start(poses) first.")
+        begin, t0 = self._poses, self._state.time
+        poses = poses if poses is not None else begin
+        interval = time - t0
+        if not interval > 0.0:
+            raise ValueError(f"FlowSolver.advance: time {time} s is not after the present {t0} s.")
+        sums = np.zeros((3, len(self.solids), 6))
+        parts, iterations, residual, courant, halvings = 0, 0, 0.0, 0.0, 0
+        done, pieces = 0.0, 1
+        numba.set_num_threads(self.settings.threads)
+        while done < 1.0 - 1e-12:
+            wanted = math.ceil((1.0 - done) * interval * self._courant_rate() / self.settings.courant - 1e-9)
+            pieces = max(pieces, wanted)
+            share = min((1.0 - done) / max(1, round((1.0 - done) * pieces)), 1.0 - done)
+            end = done + share if done + share < 1.0 - 1e-9 else 1.0
+            there = poses if end == 1.0 else interpolate(begin, poses, interval, end)
+            dt = (end - done) * interval
+            outcome = self._step(dt, there)
+            if isinstance(outcome, str):
+                halvings += 1
+                pieces = 2 * max(pieces, round(1.0 / share))
+                if dt < interval / 16.0 * 1.001 and halvings > 4:
+                    raise SimulationError(
+                        f"flow solver stopped at t = {self._state.time:.4f} s: {outcome} even with a step of {dt:.2e} s. "
+                        "The state before the step is kept (save()). Look for a solid that jumps or leaves the window; "
+                        "use smaller cells, a smaller interval, or a larger window."
+                    )
+                log.warning("t = %.4f s: %s; the step is halved", self._state.time, outcome)
+                self._place(self._poses, self._state.frame)
+                continue
+            loads, solved, number = outcome
+            sums += (end - done) * loads
+            parts, iterations = parts + 1, iterations + solved.iterations
+            residual, courant = max(residual, solved.residual), max(courant, number)
+            done = end
+        self._state.time = time
+        self.loads = Loads(sums[0], sums[1], sums[2])
+        self.report = StepReport(parts, iterations, residual, courant, halvings)
+        return self.loads.total
+
+    # -- one step -------------------------------------------------------------------------------------------------
+
+    def _step(self, dt: float, poses: Poses) -> tuple[Array, pressure.Outcome, float] | str:
+        """One time step; loads (3, n, 6), pressure outcome and Courant number, or why it failed."""
+        old, new, m, s = self._state, self._next, self.metrics, self.settings
+        frame = self._frame(poses)
+        frame[2] = old.frame[2] + math.remainder(frame[2] - old.frame[2], 2.0 * math.pi)
+        drift = self._drift(old.frame, frame, dt)
+        far = self._far(frame[2])
+        turned = frame[2] - old.frame[2]
+        position, rotation, velocity, rate, spin = self._place(poses, frame)
+
+        fraction = new.fraction
+        fraction[:] = old.fraction
+        interface.refill_solids(fraction, self._scratch, self.openness.distance, self._regions, m, s.refill_depth)
+        self._fill_fraction(fraction)
+        top = interface.mark_wet(fraction, self._wet)
+        out = (new.u, new.v, new.w)
+        faces = (self.openness.bx, self.openness.by, self.openness.bz)
+
+        # momentum: advection, turning axes, eddy stress, wall shear, far field
+        advection.relative_velocity(*self._flow, old.cx, old.cy, old.cz, drift, top, m)
+        for axis in range(3):
+            out[axis][:] = (old.u, old.v, old.w)[axis]
+            advection.advect(
+                out[axis], old.u, old.v, old.w, self._flow, self._wet, faces[axis], axis, turned, dt, top, m
+            )
+        if s.closure is not None:
+            s.closure.update(
+                self._viscosity, old.u, old.v, old.w, self._wet, self.openness.distance, top, dt, s.viscosity, m
+            )
+        if s.closure is not None or s.viscosity > 0.0:
+            for axis in range(3):
+                turbulence.add_stress(
+                    out[axis], self._viscosity, old.u, old.v, old.w, self._wet, faces[axis], axis, dt, top, m
+                )
+        loads = np.zeros((3, len(self.solids), 6))
+        if s.wall_shear and len(self.solids):
+            forces.wall_shear(
+                self._change, *out, fraction, self._wet, self.openness, self._regions, position, velocity, rate, spin,
+                self._friction, self.water.density, dt, m, loads[1],
+            )  # fmt: skip
+            forces.add_and_clear(out, self._change, self._regions)
+        if s.far_x or s.far_y:
+            boundary.relax_velocity(*out, far, *self._rates, dt, top)
+        boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
+
+        # pressure
+        np.multiply(old.phi, dt / old.phi_dt, out=new.phi)
+        pressure.assemble(
+            *out, fraction, self._wet, self.openness, m, dt, self.water.depth, s.closest_surface, s.void_stiffness, top,
+            *self._theta, self.levels.levels[0], self.levels.rhs,
+        )  # fmt: skip
+        solved = pressure.solve(self.levels, new.phi, m, dt, top, s.tolerance, s.iterations)
+        if not solved.converged and not solved.residual < 1e3 * s.tolerance:
+            return f"the pressure did not converge (divergence times step {solved.residual:.1e})"
+        pressure.project(
+            *out, new.phi, self._wet, self.openness, m, dt, self.water.depth, top, *self._theta
+        )  # fmt: skip
+        boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
+
+        # free surface: extended velocity, transport, far field
+        self._extend(out, fraction, top, far, dt)
+        advection.full_velocity(new.cx, new.cy, new.cz, *out, self.openness, top)
+        boundary.fill_velocity(new.cx, new.cy, new.cz, far, s.far_x, s.far_y, s.closed_top)
+        advection.relative_velocity(*self._flow, new.cx, new.cy, new.cz, drift, top, m)
+        advection.largest_courant(*self._flow, m, top, self._rows)
+        courant = float(self._rows.max()) * dt
+        if not courant < 2.0 * s.courant:
+            return f"the Courant number reached {courant:.2g}"
+        begin = self.levels.rhs  # free by now
+        begin[:] = fraction
+        interface.transport(
+            fraction, begin, self._flow, SWEEPS[old.steps % len(SWEEPS)], top + 2, dt, m, self._scratch,
+            self._fill_fraction,
+        )  # fmt: skip
+        if s.far_x or s.far_y:
+            boundary.relax_level(fraction, self.water.depth, *self._rates, dt, m, self._rows)
+            self.volume_added += float(np.sum(self._rows[HALO:-HALO]))
+            self._fill_fraction(fraction)
+
+        # loads, and the velocity of faces hardly open
+        if len(self.solids):
+            forces.pressure_loads(
+                new.phi, begin, self._wet, self.openness, self._regions, position, self.water.density,
+                self.water.depth, dt, s.pore_pressure, m, loads[0],
+            )  # fmt: skip
+            boundary.slip(
+                out, self._extended, self._wet, self.openness, self._regions, position, velocity, rate,
+                self.water.density, dt, m, loads[2],
+            )  # fmt: skip
+            boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
+            for n in range(len(self.solids)):
+                loads[:, n, :3] = loads[:, n, :3] @ rotation[n]
+                loads[:, n, 3:] = loads[:, n, 3:] @ rotation[n]
+
+        new.time, new.frame[:], new.phi_dt, new.steps = old.time + dt, frame, dt, old.steps + 1
+        self._state, self._next, self._poses = new, old, poses
+        return loads, solved, courant
+
+    # -- pieces ---------------------------------------------------------------------------------------------------
+
+    def _frame(self, poses: Poses) -> Array:
+        """Grid origin and yaw for given poses."""
+        if self.settings.follow is None:
+            return np.zeros(3)
+        r, x = poses.rotation[self.settings.follow], poses.position[self.settings.follow]
+        return np.array([x[0], x[1], math.atan2(r[1, 0], r[0, 0])])
+
+    @staticmethod
+    def _drift(before: Array, after: Array, dt: float) -> Array:
+        """Mean velocity of the grid's origin in its own axes [m/s] and yaw rate [rad/s]."""
+        yaw = 0.5 * (before[2] + after[2])
+        vx, vy = (after[:2] - before[:2]) / dt
+        c, s = math.cos(yaw), math.sin(yaw)
+        return np.array([c * vx + s * vy, c * vy - s * vx, (after[2] - before[2]) / dt])
+
+    def _far(self, yaw: float) -> Array:
+        """Undisturbed flow in grid axes [m/s]."""
+        return _turn(yaw).T @ self.water.velocity
+
+    def _place(self, poses: Poses, frame: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Put the solids at their poses; position, rotation, velocity, angular velocity and spin in grid axes."""
+        back = _turn(frame[2]).T
+        position = (poses.position - np.array([frame[0], frame[1], 0.0])) @ back.T
+        rotation = back @ poses.rotation
+        velocity, rate = poses.velocity @ back.T, poses.angular_velocity @ back.T
+        spin = rotation[:, :, 1] * poses.spin[:, None]
+        margin = 6.0 * self.grid.smallest_width
+        for region in self._regions:
+            clear(self.openness, region)
+        for n, solid in enumerate(self.solids):
+            self._regions[n] = index_region(self.metrics, solid, position[n], rotation[n], margin)
+            self._check_inside(n, position[n], rotation[n])
+        for n, solid in enumerate(self.solids):
+            place_solid(
+                n, solid.kind, solid.parameters, solid.samples, position[n], np.ascontiguousarray(rotation[n]),
+                velocity[n], rate[n], self._regions[n], self.metrics, self.openness,
+            )  # fmt: skip
+        return position, rotation, velocity, rate, spin
+
+    def _check_inside(self, n: int, position: Array, rotation: Array) -> None:
+        solid = self.solids[n]
+        center = position + rotation @ (0.5 * (solid.low + solid.high))
+        extent = np.abs(rotation) @ (0.5 * (solid.high - solid.low))
+        for axis, faces in enumerate((self.grid.x_faces, self.grid.y_faces)):
+            gap = min(center[axis] - extent[axis] - faces[0], faces[-1] - center[axis] - extent[axis])
+            if gap < 3.0 * self.grid.smallest_width:
+                raise ValueError(
+                    f"solid {n} comes within {gap:.3g} m of the window's {'xy'[axis]} side; widen Grid.{'xy'[axis]}_faces."
+                )
+        lowest = center[2] - extent[2]
+        if lowest < self.metrics.zf[1]:
+            raise ValueError(
+                f"solid {n} reaches {-lowest:.3g} m below the bed, more than the grid can see ({-self.metrics.zf[1]:.3g} m, "
+                "one and a half cells); sinkage is too large or the cells too small."
+            )
+
+    def _fill_fraction(self, fraction: Array) -> None:
+        boundary.fill_fraction(fraction, self._still, self.settings.far_x, self.settings.far_y)
+
+    def _fill(self, state: FlowState, far: Array) -> None:
+        s = self.settings
+        self._fill_fraction(state.fraction)
+        boundary.fill_velocity(state.u, state.v, state.w, far, s.far_x, s.far_y, s.closed_top)
+
+    def _extend(self, out: tuple[Array, Array, Array], fraction: Array, top: int, far: Array, dt: float) -> None:
+        """Extended velocity in `_extended`; where the projection set none, in `out` too."""
+        faces = (self.openness.bx, self.openness.by, self.openness.bz)
+        s = self.settings
+        for axis in range(3):
+            e = self._extended[axis]
+            e[:] = out[axis]
+            boundary.extend(
+                e, self._wet, faces[axis], fraction, axis, top, far[axis], dt, self._labels[axis], *self._lists
+            )
+        boundary.fill_velocity(*self._extended, far, s.far_x, s.far_y, s.closed_top)
+        for axis in range(3):
+            boundary.take_extended(
+                out[axis], self._extended[axis], self._wet, faces[axis], axis, top, self._labels[axis]
+            )
+        boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
+
+    def _complete_velocity(self, state: FlowState) -> None:
+        """Carrying velocity of a state that was set from outside."""
+        top = self.grid.padded_shape[1]
+        interface.mark_wet(state.fraction, self._wet)
+        advection.full_velocity(state.cx, state.cy, state.cz, state.u, state.v, state.w, self.openness, top)
+        far = self._far(state.frame[2])
+        s = self.settings
+        boundary.fill_velocity(state.cx, state.cy, state.cz, far, s.far_x, s.far_y, s.closed_top)
+
+    def _courant_rate(self) -> float:
+        """Largest rate at which the water crosses cells at present [1/s]; `_flow` is that of the last step."""
+        top = self.grid.padded_shape[1]
+        if self._state.steps == 0:
+            advection.relative_velocity(
+                *self._flow, self._state.cx, self._state.cy, self._state.cz, np.zeros(3), top, self.metrics
+            )
+        top = interface.mark_wet(self._state.fraction, self._wet)
+        advection.largest_courant(*self._flow, self.metrics, top, self._rows)
+        return float(self._rows.max())
+
+    # -- results --------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Time reached [s]."""
+        return self._state.time
+
+    @property
+    def frame(self) -> Array:
+        """Grid origin x, y [m] and yaw [rad] in the world, shape (3,)."""
+        return self._state.frame.copy()
+
+    @property
+    def fraction(self) -> Array:
+        """Water per full cell [-], shape (ny, nz, nx), a view."""
+        return self._state.fraction[HALO:-HALO, HALO:-HALO, HALO:-HALO]
+
+    @property
+    def velocity(self) -> tuple[Array, Array, Array]:
+        """Velocity on the low x, y, z faces of the cells, grid axes [m/s], each of shape (ny, nz, nx), views."""
+        s = self._state
+        h = HALO
+        return s.u[h:-h, h:-h, h:-h], s.v[h:-h, h:-h, h:-h], s.w[h:-h, h:-h, h:-h]
+
+    @property
+    def pressure(self) -> Array:
+        """Pressure above that of air [Pa], shape (ny, nz, nx); 0 in dry cells."""
+        h, s = HALO, self._state
+        z = self.metrics.zc[None, h:-h, None]
+        gauge = s.phi[h:-h, h:-h, h:-h] / s.phi_dt - 9.81 * (z - self.water.depth)
+        return np.where(self._wet[h:-h, h:-h, h:-h] == 1, self.water.density * gauge, 0.0)
+
+    def surface_height(self) -> Array:
+        """Height of the water in each column [m], shape (ny, nx); inside solids without meaning."""
+        return np.einsum("jki,k->ji", self.fraction, np.diff(self.grid.z_faces))
+
+    def water_volume(self) -> float:
+        """Water in the window outside solids [m^3]."""
+        h, o = HALO, self.openness
+        share = (o.bx[:, :, :-1] + o.bx[:, :, 1:])[h:-h, h:-h, h : -h + 1] + (o.by[:-1] + o.by[1:])[
+            h : -h + 1, h:-h, h:-h
+        ]
+        share = share + (o.bz[:, :-1] + o.bz[:, 1:])[h:-h, h : -h + 1, h:-h]
+        return float(np.sum(self.fraction * share / 6.0 * self.grid.cell_volumes()))
+
+    # -- save and restore -----------------------------------------------------------------------------------------
+
+    def save(self) -> dict[str, Any]:
+        """Everything needed to go on from here bit for bit: plain numbers and arrays (copies)."""
+        state = {f.name: getattr(self._state, f.name) for f in fields(FlowState)}
+        saved = {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in state.items()}
+        saved["flow"] = np.stack(self._flow)
+        saved["volume_added"] = self.volume_added
+        if self._poses is not None:
+            for f in fields(Poses):
+                saved[f"poses_{f.name}"] = getattr(self._poses, f.name).copy()
+        return saved
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Return to a state given by `save` (of a solver with the same grid, solids, water and settings)."""
+        shape: NDArray[Any] = saved["fraction"]
+        if shape.shape != self.grid.padded_shape:
+            raise ValueError(f"restore: the state is of shape {shape.shape}, the grid {self.grid.padded_shape}.")
+        self._state.copy_from(FlowState(**{f.name: saved[f.name] for f in fields(FlowState)}))
+        for q, value in zip(self._flow, saved["flow"], strict=True):
+            q[:] = value
+        self.volume_added = saved["volume_added"]
+        self._poses = Poses(**{f.name: saved[f"poses_{f.name}"].copy() for f in fields(Poses)})
+        self._place(self._poses, self._state.frame)
+
+
+def _turn(yaw: float) -> Array:
+    """Rotation about z by `yaw` [rad]."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def interpolate(begin: Poses, end: Poses, interval: float, part: float) -> Poses:
+    """Poses at a part (0 to 1) of an interval [s]: cubic in the positions, rotations along the shortest arc."""
+    from scipy.spatial.transform import Rotation
+
+    p = part
+    h00, h10, h01, h11 = 2 * p**3 - 3 * p**2 + 1, p**3 - 2 * p**2 + p, 3 * p**2 - 2 * p**3, p**3 - p**2
+    position = (
+        h00 * begin.position + h10 * interval * begin.velocity + h01 * end.position + h11 * interval * end.velocity
+    )
+    rotation = begin.rotation.copy()
+    for n in range(len(rotation)):
+        arc = Rotation.from_matrix(end.rotation[n] @ begin.rotation[n].T).as_rotvec()
+        rotation[n] = Rotation.from_rotvec(p * arc).as_matrix() @ begin.rotation[n]
+    mean = [(1 - p) * getattr(begin, k) + p * getattr(end, k) for k in ("velocity", "angular_velocity", "spin")]
+    return Poses(position, rotation, *mean)
