@@ -114,7 +114,7 @@ class MultibodyVehicle:
         micro_step: float,
         duration: float,
         record_step: float = 1.0e-2,
-        standstill_rate: float = 0.2,
+        standstill_rate: float = 0.05,
     ) -> None:
         """Build the system at ride height on the terrain."""
         self.vehicle = vehicle
@@ -267,7 +267,7 @@ class MultibodyVehicle:
         """Find the static equilibrium by dynamic relaxation, and make it the state at time 0.
 
         Wheels are locked and steered as the maneuver begins; every body is damped in proportion to its mass until the
-        largest acceleration is below 5e-7 g.
+        largest acceleration is below 3e-8 g.
 
         Parameters
         ----------
@@ -293,7 +293,7 @@ class MultibodyVehicle:
                 self._advance(settings, (n + 1) * interval)
                 state = self.present()
                 acceleration = max(np.abs(state.acceleration).max(), 0.1 * np.abs(state.angular_acceleration).max())
-                if acceleration < 5e-7 * self.model[0]["gravity"] and n * interval > 0.2:
+                if acceleration < 3e-8 * self.model[0]["gravity"] and n * interval > 0.2:
                     break
             else:
                 raise SimulationError(
@@ -306,7 +306,7 @@ class MultibodyVehicle:
             self.model[0]["settling_rate"] = 0.0
         data = self.mbs.systemData
         data.SetODE2Coordinates(np.array(self._q), configuration=exu.ConfigurationType.Initial)
-        data.SetODE2Coordinates_t(np.zeros_like(self._v), configuration=exu.ConfigurationType.Initial)
+        data.SetODE2Coordinates_t(np.array(self._v), configuration=exu.ConfigurationType.Initial)
         self._constraint_solver()
         self._start(self._settings, driving=True)
 
