@@ -89,6 +89,97 @@ class Levels:
         relax_lines(level, 0, top)
 
 
+@njit(cache=True, error_model="numpy")
+def _assemble_row(
+    j: int, u: Array, v: Array, w: Array, fraction: Array, wet: NDArray[np.uint8], solids: Openness, metrics: Metrics,
+    dt: float, level: float, closest: float, stiffness: float, top: int, tx: Array, ty: Array, tz: Array,
+    couplings: Level, rhs: Array,
+) -> None:  # fmt: skip
+    """Row j of `assemble`."""
+    ny, nz, nx = fraction.shape
+    sy, sz = nz * nx, nx
+    shape = (ny, nz, nx)
+    c = fraction.ravel()
+    for k in range(HALO, top + 1):
+        for i in range(HALO, nx - HALO):
+            couplings.ax[j, k, i] = 0.0
+            couplings.ay[j, k, i] = 0.0
+            couplings.az[j, k, i] = 0.0
+            couplings.extra[j, k, i] = 0.0
+            rhs[j, k, i] = 0.0
+            if wet[j, k, i] == 0:
+                continue
+            p = j * sy + k * sz + i
+            areas = (metrics.dy[j] * metrics.dz[k], metrics.dx[i] * metrics.dz[k], metrics.dx[i] * metrics.dy[j])
+            extra, source, surface, openings = 0.0, 0.0, 0.0, 0.0
+            enclosed = True
+            for axis in range(3):
+                for side in range(2):
+                    jj, kk, ii = j, k, i
+                    mj, mk, mi = j, k, i
+                    if axis == 0:
+                        ii += side
+                        mi += 2 * side - 1
+                        spacing = metrics.ex[ii]
+                        beta, speed, solid = solids.bx[jj, kk, ii], u[jj, kk, ii], solids.sx[jj, kk, ii]
+                        outer = (side == 0 and i == HALO) or (side == 1 and i == nx - HALO - 1)
+                    elif axis == 1:
+                        jj += side
+                        mj += 2 * side - 1
+                        spacing = metrics.ey[jj]
+                        beta, speed, solid = solids.by[jj, kk, ii], v[jj, kk, ii], solids.sy[jj, kk, ii]
+                        outer = (side == 0 and j == HALO) or (side == 1 and j == ny - HALO - 1)
+                    else:
+                        kk += side
+                        mk += 2 * side - 1
+                        spacing = metrics.ez[kk]
+                        beta, speed, solid = solids.bz[jj, kk, ii], w[jj, kk, ii], solids.sz[jj, kk, ii]
+                        outer = (side == 0 and k == HALO) or (side == 1 and k == nz - HALO - 1)
+                    openings += beta
+                    area = areas[axis]
+                    if outer:
+                        passing = speed
+                    else:
+                        passing = beta * speed + (1.0 - beta) * solid
+                    source += area * passing * (1.0 - 2.0 * side)
+                    if outer or beta == 0.0:
+                        continue
+                    coupling = beta * area / spacing
+                    if wet[mj, mk, mi] == 1:
+                        if side == 0:
+                            if axis == 0:
+                                couplings.ax[j, k, i] = coupling
+                            elif axis == 1:
+                                couplings.ay[j, k, i] = coupling
+                            else:
+                                couplings.az[j, k, i] = coupling
+                        continue
+                    enclosed = False
+                    q = mj * sy + mk * sz + mi
+                    theta = surface_position(c, p, q, j, k, i, mj, mk, mi, shape, metrics, closest)
+                    if axis == 0:
+                        tx[jj, kk, ii] = theta
+                    elif axis == 1:
+                        ty[jj, kk, ii] = theta
+                    else:
+                        tz[jj, kk, ii] = theta
+                    height = metrics.zc[k] + theta * (metrics.zc[mk] - metrics.zc[k])
+                    extra += coupling / theta
+                    surface += coupling / theta * dt * GRAVITY * (height - level)
+            if openings == 0.0:
+                continue
+            volume = metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
+            filling = fraction[j, k, i]
+            if enclosed and filling < 0.999:
+                void = stiffness * (1.0 - filling) ** 2 * volume / dt
+                extra += void
+                surface += void * dt * GRAVITY * (metrics.zc[k] - level)
+            elif filling > 1.0:  # too full: let it out within a few steps
+                source += 0.3 * (filling - 1.0) / dt * volume
+            couplings.extra[j, k, i] = extra
+            rhs[j, k, i] = source + surface
+
+
 @njit(cache=True, error_model="numpy", parallel=True)
 def assemble(
     u: Array, v: Array, w: Array, fraction: Array, wet: NDArray[np.uint8], solids: Openness, metrics: Metrics,
@@ -113,95 +204,17 @@ def assemble(
     rhs : array, changed
         [m^3/s]
     """
-    ny, nz, nx = fraction.shape
-    sy, sz = nz * nx, nx
-    shape = (ny, nz, nx)
-    c = fraction.ravel()
-    for j in prange(HALO, ny - HALO):
-        for k in range(HALO, top + 1):
-            for i in range(HALO, nx - HALO):
-                couplings.ax[j, k, i] = 0.0
-                couplings.ay[j, k, i] = 0.0
-                couplings.az[j, k, i] = 0.0
-                couplings.extra[j, k, i] = 0.0
-                rhs[j, k, i] = 0.0
-                if wet[j, k, i] == 0:
-                    continue
-                p = j * sy + k * sz + i
-                areas = (metrics.dy[j] * metrics.dz[k], metrics.dx[i] * metrics.dz[k], metrics.dx[i] * metrics.dy[j])
-                extra, source, surface, openings = 0.0, 0.0, 0.0, 0.0
-                enclosed = True
-                for axis in range(3):
-                    for side in range(2):
-                        jj, kk, ii = j, k, i
-                        mj, mk, mi = j, k, i
-                        if axis == 0:
-                            ii += side
-                            mi += 2 * side - 1
-                            spacing = metrics.ex[ii]
-                            beta, speed, solid = solids.bx[jj, kk, ii], u[jj, kk, ii], solids.sx[jj, kk, ii]
-                            outer = (side == 0 and i == HALO) or (side == 1 and i == nx - HALO - 1)
-                        elif axis == 1:
-                            jj += side
-                            mj += 2 * side - 1
-                            spacing = metrics.ey[jj]
-                            beta, speed, solid = solids.by[jj, kk, ii], v[jj, kk, ii], solids.sy[jj, kk, ii]
-                            outer = (side == 0 and j == HALO) or (side == 1 and j == ny - HALO - 1)
-                        else:
-                            kk += side
-                            mk += 2 * side - 1
-                            spacing = metrics.ez[kk]
-                            beta, speed, solid = solids.bz[jj, kk, ii], w[jj, kk, ii], solids.sz[jj, kk, ii]
-                            outer = (side == 0 and k == HALO) or (side == 1 and k == nz - HALO - 1)
-                        openings += beta
-                        area = areas[axis]
-                        if outer:
-                            passing = speed
-                        else:
-                            passing = beta * speed + (1.0 - beta) * solid
-                        source += area * passing * (1.0 - 2.0 * side)
-                        if outer or beta == 0.0:
-                            continue
-                        coupling = beta * area / spacing
-                        if wet[mj, mk, mi] == 1:
-                            if side == 0:
-                                if axis == 0:
-                                    couplings.ax[j, k, i] = coupling
-                                elif axis == 1:
-                                    couplings.ay[j, k, i] = coupling
-                                else:
-                                    couplings.az[j, k, i] = coupling
-                            continue
-                        enclosed = False
-                        q = mj * sy + mk * sz + mi
-                        theta = surface_position(c, p, q, j, k, i, mj, mk, mi, shape, metrics, closest)
-                        if axis == 0:
-                            tx[jj, kk, ii] = theta
-                        elif axis == 1:
-                            ty[jj, kk, ii] = theta
-                        else:
-                            tz[jj, kk, ii] = theta
-                        height = metrics.zc[k] + theta * (metrics.zc[mk] - metrics.zc[k])
-                        extra += coupling / theta
-                        surface += coupling / theta * dt * GRAVITY * (height - level)
-                if openings == 0.0:
-                    continue
-                volume = metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
-                filling = fraction[j, k, i]
-                if enclosed and filling < 0.999:
-                    void = stiffness * (1.0 - filling) ** 2 * volume / dt
-                    extra += void
-                    surface += void * dt * GRAVITY * (metrics.zc[k] - level)
-                elif filling > 1.0:  # too full: let it out within a few steps
-                    source -= 0.3 * (filling - 1.0) / dt * volume
-                couplings.extra[j, k, i] = extra
-                rhs[j, k, i] = source + surface
+    for j in prange(HALO, fraction.shape[0] - HALO):
+        _assemble_row(
+            j, u, v, w, fraction, wet, solids, metrics, dt, level, closest, stiffness, top, tx, ty, tz, couplings, rhs
+        )
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def factor_lines(level: Level, top: int) -> None:
     """Inverse pivots of the tridiagonal systems along z."""
     ny, _, nx = level.x.shape
+    pivot = level.pivot  # Numba drops writes through a tuple inside prange
     for j in prange(HALO, ny - HALO):
         for k in range(HALO, top + 1):
             for i in range(HALO, nx - HALO):
@@ -212,10 +225,10 @@ def factor_lines(level: Level, top: int) -> None:
                 )  # fmt: skip
                 below = level.az[j, k, i]
                 if k > HALO:
-                    reduced = diagonal - below * below * level.pivot[j, k - 1, i]
+                    reduced = diagonal - below * below * pivot[j, k - 1, i]
                 else:
                     reduced = diagonal
-                level.pivot[j, k, i] = (
+                pivot[j, k, i] = (
                     np.float32(1.0) / max(reduced, np.float32(1e-6) * diagonal)
                     if diagonal > np.float32(0.0)
                     else np.float32(0.0)
@@ -228,6 +241,10 @@ def coarsen(fine: Level, coarse: Level, top: int) -> None:
     ny, _, nx = coarse.x.shape
     my, mx = fine.x.shape[0] - 2 * HALO, fine.x.shape[2] - 2 * HALO
     half = np.float32(0.5)
+    coarse_ax = coarse.ax  # Numba drops writes through a tuple inside prange
+    coarse_ay = coarse.ay
+    coarse_az = coarse.az
+    coarse_extra = coarse.extra
     for j in prange(HALO, ny - HALO):
         j0 = 2 * (j - HALO) + HALO
         j1 = min(j0 + 1, my + HALO - 1)
@@ -237,13 +254,13 @@ def coarsen(fine: Level, coarse: Level, top: int) -> None:
                 i0 = 2 * (i - HALO) + HALO
                 i1 = min(i0 + 1, mx + HALO - 1)
                 wx = np.float32(1.0) if i1 > i0 else np.float32(0.0)
-                coarse.ax[j, k, i] = half * (fine.ax[j0, k, i0] + wy * fine.ax[j1, k, i0])
-                coarse.ay[j, k, i] = half * (fine.ay[j0, k, i0] + wx * fine.ay[j0, k, i1])
-                coarse.az[j, k, i] = (
+                coarse_ax[j, k, i] = half * (fine.ax[j0, k, i0] + wy * fine.ax[j1, k, i0])
+                coarse_ay[j, k, i] = half * (fine.ay[j0, k, i0] + wx * fine.ay[j0, k, i1])
+                coarse_az[j, k, i] = (
                     fine.az[j0, k, i0] + wx * fine.az[j0, k, i1]
                     + wy * (fine.az[j1, k, i0] + wx * fine.az[j1, k, i1])
                 )  # fmt: skip
-                coarse.extra[j, k, i] = (
+                coarse_extra[j, k, i] = (
                     fine.extra[j0, k, i0] + wx * fine.extra[j0, k, i1]
                     + wy * (fine.extra[j1, k, i0] + wx * fine.extra[j1, k, i1])
                 )  # fmt: skip
@@ -253,27 +270,29 @@ def coarsen(fine: Level, coarse: Level, top: int) -> None:
 def relax_lines(level: Level, color: int, top: int) -> None:
     """Solve the vertical lines of one colour of the checkerboard with the others held."""
     ny, nz, nx = level.x.shape
+    x = level.x  # Numba drops writes through a tuple inside prange
     for j in prange(HALO, ny - HALO):
         first = HALO + (j + color) % 2
         for k in range(HALO, top + 1):
             for i in range(first, nx - HALO, 2):
                 value = (
                     level.b[j, k, i]
-                    + level.ax[j, k, i] * level.x[j, k, i - 1] + level.ax[j, k, i + 1] * level.x[j, k, i + 1]
-                    + level.ay[j, k, i] * level.x[j - 1, k, i] + level.ay[j + 1, k, i] * level.x[j + 1, k, i]
+                    + level.ax[j, k, i] * x[j, k, i - 1] + level.ax[j, k, i + 1] * x[j, k, i + 1]
+                    + level.ay[j, k, i] * x[j - 1, k, i] + level.ay[j + 1, k, i] * x[j + 1, k, i]
                 )  # fmt: skip
                 if k > HALO:
-                    value += level.az[j, k, i] * level.x[j, k - 1, i]
-                level.x[j, k, i] = value * level.pivot[j, k, i]
+                    value += level.az[j, k, i] * x[j, k - 1, i]
+                x[j, k, i] = value * level.pivot[j, k, i]
         for k in range(top - 1, HALO - 1, -1):
             for i in range(first, nx - HALO, 2):
-                level.x[j, k, i] += level.pivot[j, k, i] * level.az[j, k + 1, i] * level.x[j, k + 1, i]
+                x[j, k, i] += level.pivot[j, k, i] * level.az[j, k + 1, i] * x[j, k + 1, i]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def line_residual(level: Level, top: int) -> None:
     """Residual r = b - A x; 0 where there is no unknown."""
     ny, _, nx = level.x.shape
+    r = level.r  # Numba drops writes through a tuple inside prange
     for j in prange(HALO, ny - HALO):
         for k in range(HALO, top + 1):
             for i in range(HALO, nx - HALO):
@@ -286,7 +305,7 @@ def line_residual(level: Level, top: int) -> None:
                 rest += level.az[j, k, i] * (level.x[j, k - 1, i] - x)
                 if k < top:
                     rest += level.az[j, k + 1, i] * (level.x[j, k + 1, i] - x)
-                level.r[j, k, i] = rest if level.pivot[j, k, i] > np.float32(0.0) else np.float32(0.0)
+                r[j, k, i] = rest if level.pivot[j, k, i] > np.float32(0.0) else np.float32(0.0)
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
@@ -294,6 +313,7 @@ def restrict(fine: Level, coarse: Level, top: int) -> None:
     """Sum of the residuals of the (up to) four cells of a coarse cell."""
     ny, _, nx = coarse.x.shape
     my, mx = fine.x.shape[0] - HALO, fine.x.shape[2] - HALO
+    coarse_b = coarse.b  # Numba drops writes through a tuple inside prange
     for j in prange(HALO, ny - HALO):
         j0 = 2 * (j - HALO) + HALO
         for k in range(HALO, top + 1):
@@ -306,19 +326,20 @@ def restrict(fine: Level, coarse: Level, top: int) -> None:
                     total += fine.r[j0 + 1, k, i0]
                     if i0 + 1 < mx:
                         total += fine.r[j0 + 1, k, i0 + 1]
-                coarse.b[j, k, i] = total
+                coarse_b[j, k, i] = total
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def prolong(fine: Level, coarse: Level, top: int) -> None:
     """Add the coarse correction to each cell of a coarse cell."""
     ny, _, nx = fine.x.shape
+    fine_x = fine.x  # Numba drops writes through a tuple inside prange
     for j in prange(HALO, ny - HALO):
         jc = (j - HALO) // 2 + HALO
         for k in range(HALO, top + 1):
             for i in range(HALO, nx - HALO):
                 if fine.pivot[j, k, i] > np.float32(0.0):
-                    fine.x[j, k, i] += coarse.x[jc, k, (i - HALO) // 2 + HALO]
+                    fine_x[j, k, i] += coarse.x[jc, k, (i - HALO) // 2 + HALO]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
@@ -349,13 +370,14 @@ def first_residual(
 ) -> None:
     """Residual rhs - A x as start of the conjugate gradients; per row j its largest share of a cell's volume [1/s]."""
     ny, _, nx = x.shape
+    b = level.b  # Numba drops writes through a tuple inside prange
     for j in prange(HALO, ny - HALO):
         largest = 0.0
         for k in range(HALO, top + 1):
             for i in range(HALO, nx - HALO):
                 value = rhs[j, k, i] - product[j, k, i] if level.pivot[j, k, i] > 0.0 else 0.0
                 residual[j, k, i] = value
-                level.b[j, k, i] = value
+                b[j, k, i] = value
                 share = abs(value) / (metrics.dx[i] * metrics.dy[j] * metrics.dz[k])
                 if not share <= largest:
                     largest = share
@@ -369,6 +391,7 @@ def advance_solution(
 ) -> None:  # fmt: skip
     """x += alpha direction, residual -= alpha product; per row j the largest residual share of a volume [1/s]."""
     ny, _, nx = x.shape
+    b = level.b  # Numba drops writes through a tuple inside prange
     for j in prange(HALO, ny - HALO):
         largest = 0.0
         for k in range(HALO, top + 1):
@@ -376,7 +399,7 @@ def advance_solution(
                 x[j, k, i] += alpha * direction[j, k, i]
                 value = residual[j, k, i] - alpha * product[j, k, i]
                 residual[j, k, i] = value
-                level.b[j, k, i] = value
+                b[j, k, i] = value
                 share = abs(value) / (metrics.dx[i] * metrics.dy[j] * metrics.dz[k])
                 if not share <= largest:
                     largest = share
