@@ -1,0 +1,348 @@
+"""The command line: help, tables, bad input, files, and runs that break or are stopped."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+from exumob.__main__ import app
+from exumob.environment import Soil
+from exumob.results import load_dataset
+
+SHORT = ["--duration", "0.2", "--micro-step", "5e-4", "--macro-step", "20e-3"]
+OPTIONS = {
+    "--depth-ratio": "0.6", "--current": "1.0", "--steering": "30", "--soil": "LETE sand",
+    "--hydrodynamics": "coefficients",
+    "--vehicle": None, "--duration": "8", "--micro-step": "0.0001", "--macro-step": "0.001", "--output": None,
+    "--figure": None, "--animate": None,
+}  # fmt: skip
+"""Of the specification, with the defaults it states."""
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments], env={"COLUMNS": "250", "TERM": "dumb"})
+
+
+def plain(text):
+    """Without colours and line breaks."""
+    return " ".join(re.sub(r"\x1b\[[0-9;]*m", "", text).split())
+
+
+def lane_change(*arguments):
+    return call("lane-change", *SHORT, *arguments)
+
+
+# -- help and tables ---------------------------------------------------------------------------------------------------
+
+
+def test_help_names_both_commands():
+    answer = call("--help")
+    assert answer.exit_code == 0
+    assert "lane-change" in answer.output
+    assert "soils" in answer.output
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_help_explains_every_option_with_its_default(option):
+    answer = call("lane-change", "--help")
+    assert answer.exit_code == 0
+    text = " " + plain(answer.output.split("Options:")[1])
+    after = text[text.index(f" {option} ") :].split(" --")[1]
+    assert len(after.split()) > 4, f"{option} is not explained"
+    if OPTIONS[option]:
+        assert re.search(rf"default: {OPTIONS[option]}", after), after
+
+
+def test_soils_lists_all_23():
+    answer = call("soils")
+    assert answer.exit_code == 0
+    lines = answer.output.splitlines()
+    for row in Soil.published_table():
+        (line,) = [text for text in lines if text.strip().startswith(row.name)]
+        assert f"{row.soil.n:g}" in line
+    assert len(Soil.published_table()) == 23
+
+
+def test_soils_states_the_values_of_the_source():
+    (line,) = [text for text in call("soils").output.splitlines() if "LETE sand" in text]
+    assert [float(cell) for cell in line.split()[2:]] == [0.79, 102.0, 5301.0, 1.3, 31.1, 12.0, 0.18, 0.32]
+
+
+# -- bad input ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--depth-ratio", "-1"], "depth_ratio"),
+        (["--current", "-1"], "current_speed"),
+        (["--current", "nan"], "current_speed"),
+        (["--steering", "40", "--duration", "4"], r"40\.0 deg.*35\.0 deg"),
+        (["--wheel-speed", "nan"], "speed"),
+        (["--soil", "LETE snad"], "LETE sand"),
+        (["--hydrodynamics", "cfd2"], "hydrodynamics"),
+        (["--vehicle", "absent.py"], r"absent\.py does not exist"),
+        (["--duration", "-1"], "duration"),
+        (["--duration", "nan"], "duration"),
+        (["--micro-step", "3e-4"], "micro_step"),
+        (["--macro-step", "3e-3"], "macro_step"),
+        (["--output", "absent/run.nc"], r"--output absent/run\.nc.*does not exist.*create"),
+        (["--figure", "absent/run.png"], r"--figure absent/run\.png.*does not exist"),
+        (["--animate", "absent/run.gif"], r"--animate absent/run\.gif.*does not exist"),
+        (["--animate", "run.avi"], r"\.avi.*use \.gif or \.mp4"),
+        (["--output", "."], r"folder"),
+        (["--no-such-option"], "no-such-option"),
+        pytest.param(
+            ["--figure", "run.xyz"], r"run\.xyz",
+            marks=pytest.mark.xfail(strict=True, reason="found only after the run: a traceback of matplotlib"),
+        ),
+        pytest.param(
+            ["--duration", "0.02", "--figure", "run.png"], r"figure.*longer|longer.*figure",
+            marks=pytest.mark.xfail(strict=True, reason="no figure, no word, exit code 0"),
+        ),
+    ],
+    ids=lambda v: " ".join(v) if isinstance(v, list) else "",
+)  # fmt: skip
+def test_bad_input_is_said_with_exit_code_2(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    steps = [a for i in range(0, len(SHORT), 2) if SHORT[i] not in arguments for a in SHORT[i : i + 2]]
+    answer = call("lane-change", *steps, *arguments)
+    assert answer.exit_code == 2, answer.output
+    assert re.search(message, plain(answer.output)), answer.output
+    assert "Traceback" not in answer.output
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "def car():\n    return 1\n",
+        "import dataclasses\nfrom vehicle_models.amphibious import amphibious_vehicle as _base\n"
+        "def car():\n    return dataclasses.replace(_base(), wheelbase=-1.0)\n",
+        "def car(:\n",
+        "import no_such_module_xyz\n",
+    ],
+    ids=["no vehicle", "bad value", "syntax error", "failing import"],
+)  # fmt: skip
+def test_unusable_vehicle_file_is_said_with_exit_code_2(text, tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(text)
+    answer = lane_change("--vehicle", file)
+    assert answer.exit_code == 2
+    assert re.search(r"mine\.py|wheelbase", plain(answer.output))
+
+
+# -- runs --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    files = {name: folder / name for name in ("run.nc", "run.png", "run.gif")}
+    answer = lane_change("--output", files["run.nc"], "--figure", files["run.png"], "--animate", files["run.gif"])
+    return answer, files
+
+
+def test_short_run_writes_its_files_and_names_them(written):
+    answer, files = written
+    assert answer.exit_code == 0, answer.output
+    assert files["run.png"].read_bytes().startswith(b"\x89PNG")
+    assert files["run.gif"].read_bytes().startswith(b"GIF8")
+    for name, file in files.items():
+        assert name in plain(answer.output)
+        assert file.stat().st_size > 5000
+    assert len(list(files["run.nc"].parent.iterdir())) == 3
+
+
+def test_written_result_is_the_scenario_asked_for(written):
+    run = load_dataset(written[1]["run.nc"])
+    assert run.attrs["status"] == "completed"
+    assert float(run["time"][-1]) == pytest.approx(0.2)
+    assert float(run["flow_state"].sel(state="water_depth").max()) == pytest.approx(0.12)
+    assert float(run["flow_state"].sel(state="current_speed").max()) == pytest.approx(1.0)
+
+
+def test_summary_has_ten_lines_and_the_asked_figures(written):
+    """Spec: distance, lateral displacement, final yaw, drift, slip, buoyed weight, wall time, real-time factor."""
+    text = plain(written[0].output).lower()
+    for name in (
+        "distance", "lateral displacement", "final yaw", "drift", "slip", "buoyed weight", "wall time",
+        "real-time factor",
+    ):  # fmt: skip
+        assert name in text
+    before = re.split(r"^result", written[0].output, flags=re.MULTILINE)[0]
+    assert 9 <= len([line for line in before.splitlines() if line.strip()]) <= 12
+
+
+OTHER = """
+import dataclasses
+from vehicle_models.amphibious import amphibious_vehicle as _base
+def car():
+    vehicle = _base()
+    return dataclasses.replace(vehicle, name="tall", wheel=dataclasses.replace(vehicle.wheel, diameter=0.25))
+"""
+
+
+def test_options_reach_the_run(tmp_path):
+    """Depth 0 is dry ground; soil, vehicle, steering (degrees) and wheel speed are those asked for."""
+    file, car = tmp_path / "run.nc", tmp_path / "car.py"
+    car.write_text(OTHER)
+    answer = lane_change(
+        "--depth-ratio", "0", "--soil", "Upland sandy loam 51 %", "--vehicle", car,
+        "--steering", "-20", "--wheel-speed", "4", "--output", file,
+    )  # fmt: skip
+    assert answer.exit_code == 0, answer.output
+    parameters = load_dataset(file).attrs["parameters"]
+    assert '"water": null' in parameters
+    assert "Upland sandy loam 51 %" in parameters
+    assert '"name": "tall"' in parameters
+    assert f'"amplitude": {np.radians(-20.0)}' in parameters
+    assert '"speed": 4.0' in parameters
+    assert load_dataset(file).attrs["hydrodynamics"] == "NoWater"
+
+
+def test_depth_ratio_counts_in_the_tyres_of_the_vehicle(tmp_path):
+    """60 % of 0.25 m."""
+    file, car = tmp_path / "run.nc", tmp_path / "car.py"
+    car.write_text(OTHER)
+    answer = lane_change("--vehicle", car, "--output", file)
+    assert answer.exit_code == 0, answer.output
+    assert float(load_dataset(file)["flow_state"].sel(state="water_depth").max()) == pytest.approx(0.15)
+
+
+HEAVY = """
+import dataclasses
+from vehicle_models.amphibious import amphibious_vehicle as _base
+def car():
+    vehicle = _base()
+    return dataclasses.replace(vehicle, hull=dataclasses.replace(vehicle.hull, mass=5000.0))
+"""
+
+
+def test_vehicle_that_sinks_is_said_without_a_traceback(tmp_path):
+    (tmp_path / "heavy.py").write_text(HEAVY)
+    answer = lane_change("--depth-ratio", "0", "--vehicle", tmp_path / "heavy.py", "--output", tmp_path / "run.nc")
+    assert answer.exit_code in (1, 2)
+    assert "sunk" in plain(answer.output)
+    assert isinstance(answer.exception, SystemExit)
+
+
+BREAKING = """
+import numpy as np
+import exumob.hydrodynamics.coefficients as c
+from vehicle_models.amphibious import amphibious_vehicle as _base
+_original = c.CoefficientHydrodynamics.wrenches
+def _broken(self, history, predict):
+    loads = _original(self, history, predict)
+    return loads * np.nan if len(self._times) > 5 and self._macro_step == 20e-3 else loads
+def car():
+    c.CoefficientHydrodynamics.wrenches = _broken
+    return _base()
+"""
+
+
+def test_broken_run_is_saved_and_said(tmp_path, monkeypatch):
+    import exumob.hydrodynamics.coefficients as module
+
+    monkeypatch.setattr(module.CoefficientHydrodynamics, "wrenches", module.CoefficientHydrodynamics.wrenches)
+    (tmp_path / "car.py").write_text(BREAKING)
+    file = tmp_path / "run.nc"
+    answer = lane_change("--vehicle", tmp_path / "car.py", "--output", file)
+    assert answer.exit_code == 1
+    assert "not finite at 0.1000 s" in plain(answer.output)
+    run = load_dataset(file)
+    assert float(run["time"][-1]) == pytest.approx(0.1)
+    assert "broke down" in run.attrs["status"]
+
+
+def test_full_disk_is_said_and_the_result_is_elsewhere(tmp_path, monkeypatch):
+    target, spare = tmp_path / "target", tmp_path / "spare"
+    target.mkdir()
+    spare.mkdir()
+    write = xr.Dataset.to_netcdf
+
+    def refuse(self, path, *arguments, **options):
+        if target in Path(path).parents:
+            raise OSError(28, "No space left on device")
+        return write(self, path, *arguments, **options)
+
+    monkeypatch.setattr(xr.Dataset, "to_netcdf", refuse)
+    real_check = sys.modules["exumob.__main__"]._check_targets
+
+    def check(targets):
+        real_check(targets)
+        monkeypatch.setattr("tempfile.tempdir", str(spare))
+
+    monkeypatch.setattr("exumob.__main__._check_targets", check)
+    answer = lane_change("--output", target / "run.nc")
+    assert answer.exit_code == 0, answer.output
+    assert str(spare / "run.nc").replace(" ", "") in plain(answer.output).replace(" ", "")
+    assert load_dataset(spare / "run.nc").sizes["time"] == 21
+
+
+# -- as a program ------------------------------------------------------------------------------------------------------
+
+
+def program(*arguments, cwd):
+    return subprocess.run(
+        [sys.executable, "-m", "exumob", *map(str, arguments)], cwd=cwd, capture_output=True, text=True, timeout=60,
+        check=False, env=os.environ | {"COLUMNS": "200", "TERM": "dumb"},
+    )  # fmt: skip
+
+
+def test_program_runs_anywhere_and_leaves_nothing_behind(tmp_path):
+    """From a folder that is not the checkout, without files: no solution folder, no log, nothing but the summary."""
+    answer = program("lane-change", *SHORT, "--depth-ratio", "0", cwd=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+    assert "distance" in answer.stdout
+    assert "Traceback" not in answer.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+INTERRUPTED = """
+import os, signal, threading, exumob.multibody as m
+from vehicle_models.amphibious import amphibious_vehicle as _base
+_original, _started = m.MultibodyVehicle.{method}, []
+def _interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+def _watched(self, *arguments):
+    if not _started and {condition}:
+        _started.append(threading.Timer({delay}, _interrupt))
+        _started[0].daemon = True
+        _started[0].start()
+    return _original(self, *arguments)
+def car():
+    m.MultibodyVehicle.{method} = _watched
+    return _base()
+"""
+"""A vehicle file that sends a real Ctrl-C some time after a method was first called."""
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.0137])
+def test_ctrl_c_saves_what_was_computed(tmp_path, delay):
+    text = INTERRUPTED.format(method="advance", condition="arguments[0] > 0.15", delay=delay)
+    (tmp_path / "car.py").write_text(text)
+    arguments = ["--duration", "60", "--micro-step", "5e-4", "--macro-step", "20e-3", "--vehicle", tmp_path / "car.py"]
+    answer = program("lane-change", *arguments, "--output", tmp_path / "run.nc", cwd=tmp_path)
+    assert answer.returncode == 130, answer.stderr
+    assert "interrupted at" in answer.stderr
+    assert "Traceback" not in answer.stderr
+    run = load_dataset(tmp_path / "run.nc")
+    assert "interrupted" in run.attrs["status"]
+    assert 0.1 < float(run["time"][-1]) < 10.0
+    assert np.isfinite(run["position"].values).all()
+
+
+def test_ctrl_c_while_settling_ends_without_a_traceback(tmp_path):
+    text = INTERRUPTED.format(method="settle", condition="True", delay=0.05)
+    (tmp_path / "car.py").write_text(text)
+    answer = program("lane-change", *SHORT, "--vehicle", tmp_path / "car.py", "--output", "run.nc", cwd=tmp_path)
+    assert answer.returncode == 130, answer.stderr[-1500:]
+    assert "Traceback" not in answer.stderr
+    assert not (tmp_path / "run.nc").exists()
