@@ -30,7 +30,7 @@ def pressure_loads(
     phi: Array, fraction: Array, wet: NDArray[np.uint8], solids: Openness, regions: NDArray[np.int64],
     position: Array, density: float, level: float, dt: float, soil: bool, metrics: Metrics, loads: Array,
 ) -> None:  # fmt: skip
-    """Sum of pressure times what is closed of a cell's high face more than of its low face, per solid.
+    """Sum over cells of pressure times what the low face is more open than the high face, per solid.
 
     Cells of the halo below the bed hold saturated soil with hydrostatic pressure, so that a wheel sunk into it floats as
     Archimedes says.
@@ -73,7 +73,7 @@ def pressure_loads(
                         continue
                     _add(
                         loads[n], metrics.xc[i] - position[n, 0], metrics.yc[j] - position[n, 1], z - position[n, 2],
-                        pressure * ax, pressure * ay, pressure * az,
+                        -pressure * ax, -pressure * ay, -pressure * az,
                     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from exumob.checks import require_positive, require_within
 from exumob.states import Array
+from exumob.vehicle import Vehicle
 
 HALO = 2
 """Cells beyond the window on every side. Those below the bed hold saturated soil when forces are summed."""
@@ -102,6 +103,40 @@ class Grid:
         require_within("Grid.stretched", 1.0, 1.1, "strong stretching slows the pressure solver.", growth=growth)
         corners = [np.asarray(c, dtype=float) for c in (low, core_low, core_high, high)]
         return cls(*(graded_faces(*(float(c[a]) for c in corners), cell_size, growth) for a in range(3)))
+
+    @classmethod
+    def around_vehicle(
+        cls, vehicle: Vehicle, cell_size: float = 0.018, *, ahead: float = 1.8, behind: float = 2.4, aside: float = 1.8,
+        top: float = 0.42, growth: float = 1.035,
+    ) -> Grid:  # fmt: skip
+        """Window round a vehicle's hull: cubic cells where its bodies are, growing outwards.
+
+        Parameters
+        ----------
+        vehicle : Vehicle
+        cell_size : float
+            In the core [m]; a gap between hull and wheel needs two cells.
+        ahead, behind, aside : float
+            From the hull's reference point to the window's sides [m].
+        top : float
+            Height of the window above the bed [m]; three times the depth or more.
+        growth : float
+            Ratio of neighbouring widths outside the core [-].
+        """
+        hull, wheel = vehicle.hull, vehicle.wheel
+        middle = hull.center_x - hull.center_of_mass_x
+        front = max(middle + 0.5 * hull.length, 0.5 * vehicle.wheelbase + wheel.radius) + 0.1
+        rear = min(middle - 0.5 * hull.length, -0.5 * vehicle.wheelbase - wheel.radius) - 0.15
+        side = max(0.5 * hull.width, 0.5 * (vehicle.track + wheel.width) + 0.3 * wheel.diameter) + 0.06
+        if ahead < front or behind < -rear or aside < side:
+            raise ValueError(
+                f"Grid.around_vehicle: the window ({ahead:g} m ahead, {behind:g} m behind, {aside:g} m aside) is smaller than "
+                f"the vehicle with its margin ({front:.2f}, {-rear:.2f}, {side:.2f} m)."
+            )
+        return cls.stretched(
+            (rear, -side, 0.0), (front, side, min(0.24, top)), (-behind, -aside, 0.0), (ahead, aside, top), cell_size,
+            growth,
+        )  # fmt: skip
 
     @property
     def shape(self) -> tuple[int, int, int]:
