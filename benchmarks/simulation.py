@@ -18,7 +18,7 @@ from collections.abc import Callable
 import numpy as np
 
 from exumob import CoefficientHydrodynamics, NoWater, Soil, Terrain, Water, lane_change, simulate
-from exumob.loads import damping_diagonal, vehicle_loads
+from exumob.loads import soil_damping, vehicle_loads
 from exumob.multibody import MultibodyVehicle
 from vehicle_models.amphibious import amphibious_vehicle
 
@@ -81,7 +81,7 @@ def pieces() -> None:
         hook = microseconds(lambda m=model: m._before_residual(None, 3.0, 1, 0), 2000)
         command = microseconds(lambda m=model: m._set_command(3.0), 2000)
         account = microseconds(lambda m=model: m._account(3.0), 2000)
-        damping = microseconds(lambda m=model, s=state: damping_diagonal(m.model, *s, m._damping), 500)
+        damping = microseconds(lambda m=model, s=state: soil_damping(m.model, *s, 1.0, m._damping_entries), 500)
         wrenches = microseconds(lambda m=model, w=water: w.wrenches(m.history, m.present), 200)
         predict = microseconds(lambda m=model: m.predict(macro), 20)  # noqa: B023
         reactions = microseconds(model.constraint_wrenches, 50)
@@ -97,7 +97,7 @@ def pieces() -> None:
         for text, cost in rows:
             print(f"  {text:<46} {cost:7.1f} us a step {100 * cost / step:5.1f} %")
         print(f"  {'water, coefficients':<46} {wrenches:7.1f} us a macro step")
-        print(f"  {'load Jacobian (velocity diagonal)':<46} {damping:7.1f} us a Jacobian")
+        print(f"  {'soil Jacobian (velocities)':<46} {damping:7.1f} us a Jacobian")
         print(f"  {'extrapolate and project (when asked for)':<46} {predict:7.1f} us a macro step")
         print(f"  {'reactions':<46} {reactions:7.1f} us a record (10 ms)")
 

@@ -58,7 +58,7 @@ def microseconds(module: ModuleType, soil: np.ndarray, state: tuple[float, ...],
     def loop(soil, sinkage, v_x, v_y, omega, calls, out):  # type: ignore[no-untyped-def]
         total = 0.0
         for i in range(calls):
-            kernel(soil, 0.1, 0.08, sinkage + 1e-9 * i, v_x, v_y, 0.0, omega, 0.01, out)
+            kernel(soil, 0.1, 0.08, sinkage + 1e-9 * i, v_x, v_y, 0.0, omega, 0.0, 0.0, 0.01, out)
             total += out[0]
         return total
 
@@ -91,9 +91,9 @@ def main() -> None:
         for count in (8, 12, terramechanics.NODES, 24, 32):
             module = with_nodes(count, Path(folder)) if count != terramechanics.NODES else terramechanics
             worst = 0.0
-            for (case_soil, r, b, z, v, omega), exact in zip(cases, references, strict=True):
+            for (case_soil, r, b, z, v, spin), exact in zip(cases, references, strict=True):
                 out = np.empty(12)
-                module.wheel_soil_kernel(case_soil.as_array(), r, b, z, *v, omega, verification.RATE, out)
+                module.wheel_soil_kernel(case_soil.as_array(), r, b, z, *v, *spin, verification.RATE, out)
                 scale = np.linalg.norm(exact[:3]) * np.array([1.0, 1.0, 1.0, r, r, r])
                 worst = max(worst, float((np.abs(out[:6] - exact) / scale).max()))
             cost = microseconds(module, soil.as_array(), STATES["driving"])

@@ -157,8 +157,8 @@ def stop_force(penetration: float, stiffness: float, softening: float) -> tuple[
 
 @njit(cache=True, error_model="numpy")
 def _soil_on_wheel(
-    m: Any, heights: Array, center: Array, velocity: Array, axle: Array, omega: float, wheel: Array, force: Array,
-    moment: Array,
+    m: Any, heights: Array, center: Array, velocity: Array, axle: Array, omega: float, spin: Array, wheel: Array,
+    force: Array, moment: Array,
 ) -> float:  # fmt: skip
     """Bekker-Wong force and moment in world axes, in the frame of the terrain below the wheel; returns the sinkage.
 
@@ -175,7 +175,10 @@ def _soil_on_wheel(
     _cross(normal, heading, left)
     sinkage = m.wheel_radius - (center[2] - ground) * normal[2]
     v_x, v_y, v_z = _dot(velocity, heading), _dot(velocity, left), _dot(velocity, normal)
-    wheel_soil_kernel(m.soil, m.wheel_radius, m.wheel_width, sinkage, v_x, v_y, v_z, omega, m.standstill_rate, wheel)
+    omega_x, omega_z = _dot(spin, heading), _dot(spin, normal)
+    wheel_soil_kernel(
+        m.soil, m.wheel_radius, m.wheel_width, sinkage, v_x, v_y, v_z, omega, omega_x, omega_z, m.standstill_rate, wheel
+    )  # fmt: skip
     for k in range(3):
         force[k] = wheel[0] * heading[k] + wheel[1] * left[k] + wheel[2] * normal[k]
         moment[k] = wheel[3] * heading[k] + wheel[4] * left[k] + wheel[5] * normal[k]
@@ -184,10 +187,11 @@ def _soil_on_wheel(
 
 
 @njit(cache=True, error_model="numpy")
-def damping_diagonal(
-    model: np.ndarray, heights: Array, coordinates: Array, velocities: Array, reference: Array, diagonal: Array
-) -> None:
-    """Derivative of the loads on the uprights with respect to their velocities, world x, y, z: diagonal terms only.
+def soil_damping(
+    model: np.ndarray, heights: Array, coordinates: Array, velocities: Array, reference: Array, factor: float,
+    entries: Array,
+) -> None:  # fmt: skip
+    """Derivative of the soil's generalised forces with respect to the velocities of the wheel centres.
 
     For the Newton iterations of the multibody solver: soil at standstill is stiff in velocity.
 
@@ -195,31 +199,52 @@ def damping_diagonal(
     ----------
     model, heights, coordinates, velocities, reference
         As for `vehicle_loads`.
-    diagonal : array, shape (4, 3)
-        Receives -dF_k/dv_k [N s/m], >= 0.
+    factor : float
+        Multiplies the derivatives.
+    entries : array, shape (132, 3)
+        Receives row, column and value of a sparse matrix; rows are the coordinates of uprights and wheels, columns the
+        velocities of the uprights' origins.
     """
     m = model[0]
-    step = 1e-6
-    upright, wheel_spin = np.empty((3, 3)), np.empty(3)
-    body, rim, speed, axle = np.empty(7), np.empty(7), np.empty(3), np.empty(3)
-    wheel, force, changed, moment = np.empty(12), np.empty(3), np.empty(3), np.empty(3)
+    step = 1e-7
+    upright, spin, wheel_spin = np.empty((3, 3)), np.empty(3), np.empty(3)
+    speed, axle = np.empty(3), np.empty(3)
+    wheel, force, changed = np.empty(12), np.empty(3), np.empty(3)
+    moment, changed_moment, bearing = np.empty(3), np.empty(3), np.empty(3)
+    entry = 0
     for i in range(4):
-        for k in range(7):
-            body[k] = coordinates[7 * (1 + i) + k] + reference[7 * (1 + i) + k]
-            rim[k] = coordinates[7 * (5 + i) + k] + reference[7 * (5 + i) + k]
+        first, rim = 7 * (1 + i), 7 * (5 + i)
+        body = coordinates[first : first + 7] + reference[first : first + 7]
+        rim_node = coordinates[rim : rim + 7] + reference[rim : rim + 7]
         _rotation(body, upright)
-        _spin(rim, velocities[7 * (5 + i) : 7 * (6 + i)], wheel_spin)
+        _spin(body, velocities[first : first + 7], spin)
+        _spin(rim_node, velocities[rim : rim + 7], wheel_spin)
         for k in range(3):
             axle[k] = upright[k, 1]
-            speed[k] = velocities[7 * (1 + i) + k]
+            speed[k] = velocities[first + k]
         omega = _dot(wheel_spin, axle)
-        _soil_on_wheel(m, heights, body, speed, axle, omega, wheel, force, moment)
+        _soil_on_wheel(m, heights, body, speed, axle, omega, spin, wheel, force, moment)
         for k in range(3):
             speed[k] += step
-            _soil_on_wheel(m, heights, body, speed, axle, omega, wheel, changed, moment)
+            _soil_on_wheel(m, heights, body, speed, axle, omega, spin, wheel, changed, changed_moment)
             speed[k] -= step
-            diagonal[i, k] = max((force[k] - changed[k]) / step, 0.0)
-        diagonal[i, 2] += m.damping[i]
+            for j in range(3):
+                entries[entry, 0], entries[entry, 1] = first + j, first + k
+                entries[entry, 2] = factor * (changed[j] - force[j]) / step
+                entry += 1
+                bearing[j] = factor * (changed_moment[j] - moment[j]) / step
+            torque = _dot(bearing, axle)
+            for j in range(3):
+                bearing[j] -= torque * axle[j]
+            for row, node, part in ((first, body, bearing), (rim, rim_node, torque * axle)):
+                e0, e1, e2, e3 = node[3], node[4], node[5], node[6]  # Q_e = 2 G^T(e) moment
+                for j in range(4):
+                    entries[entry + j, 0], entries[entry + j, 1] = row + 3 + j, first + k
+                entries[entry, 2] = 2.0 * (-e1 * part[0] - e2 * part[1] - e3 * part[2])
+                entries[entry + 1, 2] = 2.0 * (e0 * part[0] + e3 * part[1] - e2 * part[2])
+                entries[entry + 2, 2] = 2.0 * (-e3 * part[0] + e0 * part[1] + e1 * part[2])
+                entries[entry + 3, 2] = 2.0 * (e2 * part[0] - e1 * part[1] + e0 * part[2])
+                entry += 4
 
 
 @njit(cache=True, error_model="numpy")
@@ -329,7 +354,7 @@ def vehicle_loads(
 
         # soil
         omega = _dot(wheel_spin, axle)
-        sinkage = _soil_on_wheel(m, heights, body, speed, axle, omega, wheel, soil_force, soil_moment)
+        sinkage = _soil_on_wheel(m, heights, body, speed, axle, omega, upright_spin, wheel, soil_force, soil_moment)
         torque = _dot(soil_moment, axle)
         for k in range(3):
             soil_power += soil_force[k] * speed[k] + soil_moment[k] * upright_spin[k]

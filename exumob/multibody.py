@@ -19,7 +19,7 @@ import numpy as np
 
 from exumob.environment import Soil
 from exumob.errors import SimulationError
-from exumob.loads import HISTORY, LOADS, WORK, add_work, damping_diagonal, load_model, sample_motion, vehicle_loads
+from exumob.loads import HISTORY, LOADS, WORK, add_work, load_model, sample_motion, soil_damping, vehicle_loads
 from exumob.maneuver import Maneuver
 from exumob.states import Array, BodyStates
 from exumob.terrain import Terrain
@@ -144,9 +144,7 @@ class MultibodyVehicle:
         self._reference = np.array(data.GetODE2Coordinates(configuration=exu.ConfigurationType.Reference))
         self._steering_rows = np.array([data.GetObjectLTGAE(i)[0] for i in self._steering_joints], dtype=np.int64)
         self._spin_rows = np.array([data.GetObjectLTGAE(i)[0] for i in self._spin_joints], dtype=np.int64)
-        self._damping = np.zeros((4, 3))
-        self._damping_entries = np.zeros((12, 3))  # row, column, value: x, y, z of the four uprights
-        self._damping_entries[:, :2] = np.add.outer(7 * np.arange(1, 5), np.arange(3)).reshape(12, 1)
+        self._damping_entries = np.zeros((132, 3))
         self._settings = _solver_settings(micro_step, duration)
         self._solver = exu.MainSolverImplicitSecondOrder()
         self._dense: Any = None
@@ -192,17 +190,20 @@ class MultibodyVehicle:
             else:
                 self._add_wishbones(hull, uprights[i], i, suspension)
             if steered or suspension.wishbones is not None:
-                angle = (lambda *_, i=i: self._command[i]) if steered else (lambda *_: 0.0)
-                self._steering_joints.append(self._constrain_rotation(hull, uprights[i], [0.0, 0.0, 1.0], angle))
+                self._steering_joints.append(
+                    self._constrain_rotation(
+                        hull, uprights[i], [0.0, 0.0, 1.0],
+                        rate=(lambda *_, i=i: float(self._rates[i])) if steered else (lambda *_: 0.0),
+                        angle=(lambda *_, i=i: self._command[i]) if steered else (lambda *_: 0.0),
+                    )
+                )  # fmt: skip
             marker_0, marker_1 = (
                 mbs.AddMarker(MarkerBodyRigid(bodyNumber=b, localHT=exu.HT(rotation=SPIN_FRAME)))
                 for b in (uprights[i], wheels[i])
             )
             mbs.AddObject(ObjectJointRevoluteZ(markerNumbers=[marker_0, marker_1]))
             self._spin_joints.append(
-                self._constrain_rotation(
-                    uprights[i], wheels[i], [0.0, 1.0, 0.0], lambda *_: self._command[2], velocity_level=True
-                )
+                self._constrain_rotation(uprights[i], wheels[i], [0.0, 1.0, 0.0], rate=lambda *_: self._command[2])
             )
         record = self.loads[0]
         self._load(hull, record["hull_force"], record["hull_torque"])
@@ -252,12 +253,22 @@ class MultibodyVehicle:
                 )
 
     def _constrain_rotation(
-        self, body_0: int, body_1: int, axis: list[float], value: Callable[..., float], velocity_level: bool = False
+        self,
+        body_0: int,
+        body_1: int,
+        axis: list[float],
+        rate: Callable[..., float],
+        angle: Callable[..., float] | None = None,
     ) -> int:
+        """Prescribe the relative rotation about `axis` of body 0; without an angle, on velocity level."""
         marker = self.mbs.AddMarker(MarkerBodiesRelativeRotationCoordinate(bodyNumbers=[body_0, body_1], axis0=axis))
-        functions = {"offsetUserFunction_t" if velocity_level else "offsetUserFunction": value}
         joint: int = self.mbs.AddObject(
-            ObjectConnectorCoordinate(markerNumbers=[self._ground, marker], velocityLevel=velocity_level, **functions)
+            ObjectConnectorCoordinate(
+                markerNumbers=[self._ground, marker],
+                velocityLevel=angle is None,
+                offsetUserFunction=angle or 0,
+                offsetUserFunction_t=rate,
+            )
         )
         return joint
 
@@ -281,20 +292,24 @@ class MultibodyVehicle:
         SimulationError
             If no equilibrium is found (the vehicle sinks in, floats or slides).
         """
-        step, interval = 1.0e-3, SETTLING_STEP
-        self.model[0]["settling_rate"] = 2.0 * np.sqrt(
-            self.model[0]["stiffness"].sum() / self.vehicle.mass
-        )  # about critical damping of heave
-        settings = _solver_settings(step, limit)
+        model, step = self.model[0], 1.0e-3
+        settings = _solver_settings(step, limit, tolerance=1e-8)
+        model["settling_rate"] = 2.0 * np.sqrt(model["stiffness"].sum() / self.vehicle.mass)  # about critical for heave
+        standstill_rate = float(model["standstill_rate"])
+        # slippery soil first: friction at the tyres would hold a linkage suspension back
+        stages = [(20.0 * standstill_rate, 1e-5), (standstill_rate, 3e-8)]
         self._start(settings, driving=False)
         try:
-            for n in range(round(limit / interval)):
+            for n in range(round(limit / SETTLING_STEP)):
+                model["standstill_rate"], target = stages[0]
                 self.loads[0]["water"] = water_load(self.present())
-                self._advance(settings, (n + 1) * interval)
+                self._advance(settings, (n + 1) * SETTLING_STEP)
                 state = self.present()
                 acceleration = max(np.abs(state.acceleration).max(), 0.1 * np.abs(state.angular_acceleration).max())
-                if acceleration < 3e-8 * self.model[0]["gravity"] and n * interval > 0.2:
-                    break
+                if acceleration < target * model["gravity"] and n * SETTLING_STEP > 0.2:
+                    stages.pop(0)
+                    if not stages:
+                        break
             else:
                 raise SimulationError(
                     f"{self.vehicle.name}: no static equilibrium within {limit} s (largest acceleration "
@@ -303,7 +318,8 @@ class MultibodyVehicle:
                 )
         finally:
             self._solver.FinalizeSolver(self.mbs, settings)
-            self.model[0]["settling_rate"] = 0.0
+            model["settling_rate"] = 0.0
+            model["standstill_rate"] = standstill_rate
         data = self.mbs.systemData
         data.SetODE2Coordinates(np.array(self._q), configuration=exu.ConfigurationType.Initial)
         data.SetODE2Coordinates_t(np.array(self._v), configuration=exu.ConfigurationType.Initial)
@@ -350,9 +366,10 @@ class MultibodyVehicle:
     def _load_jacobian(
         self, mbs: Any, time: float, factor: float, factor_velocity: float, factor_first_order: float
     ) -> Any:
-        """Add the loads' damping to the Newton matrix: without it, rest on firm soil costs many iterations."""
-        damping_diagonal(self.model, self._heights, self._q, self._v, self._reference, self._damping)
-        self._damping_entries[:, 2] = -factor_velocity * self._damping.ravel()
+        """Add the soil's damping to the Newton matrix: without it, rest on firm soil costs many iterations."""
+        soil_damping(
+            self.model, self._heights, self._q, self._v, self._reference, factor_velocity, self._damping_entries
+        )
         matrix = exu.MatrixContainer()
         n = len(self._q) + len(self._multipliers)
         matrix.SetWithSparseMatrix(self._damping_entries, numberOfRows=n, numberOfColumns=n)
@@ -625,7 +642,7 @@ def _projection(mass: Array, jacobian: Array, residual: Array) -> Array:
     return solution[:n]
 
 
-def _solver_settings(step: float, duration: float) -> Any:
+def _solver_settings(step: float, duration: float, tolerance: float = 1e-5) -> Any:
     settings = exu.SimulationSettings()
     integration = settings.timeIntegration
     integration.numberOfSteps = max(round(duration / step), 1)
@@ -634,7 +651,7 @@ def _solver_settings(step: float, duration: float) -> Any:
     newton = integration.newton
     newton.useModifiedNewton = True
     newton.modifiedNewtonContractivity = 0.05
-    newton.relativeTolerance, newton.absoluteTolerance = 1e-4, 1e-6
+    newton.relativeTolerance, newton.absoluteTolerance = tolerance, 1e-2 * tolerance
     settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
     settings.linearSolver.reuseAnalyzedPattern = True
     _silence(settings)

@@ -14,6 +14,13 @@ Shear displacement: the sliding velocity integrated along the rim from where the
     rim enters in front (omega > 0):   j_x = r (theta_f - theta) - (v_x / omega) (sin theta_f - sin theta)
                                        j_y = -(v_y / omega) (theta_f - theta)
     rim enters behind (omega < 0):     the same from theta_r, with |omega|.
+A wheel that also moves vertically (v_z), or whose plane turns (omega_x, omega_z), slides by v_z sin(theta) more in x
+and by r (omega_x cos theta + omega_z sin theta) more in y; integrated likewise,
+    j_x: - (v_z / omega) (cos theta - cos theta_f)
+    j_y: - (r / omega) (omega_x (sin theta_f - sin theta) + omega_z (cos theta - cos theta_f)).
+These terms vanish in steady straight rolling. With them every rim element resists along its own sliding direction, so
+that the soil's resistance to slow motion is dissipative; without them a standing vehicle with a linkage suspension can
+swing itself up.
 
 These hold for a wheel that travels forward (v_x > 0); backward travel is the mirror image. Three small bands of width
 set by `standstill_rate` w0 join the branches, and outside them nothing is altered:
@@ -132,17 +139,23 @@ def _sign_change(g_0: float, g_1: float, g_2: float, low: float, high: float) ->
 
 
 @njit(cache=True, error_model="numpy")
-def _shear_reversal(g_0: float, g_1: float, g_2: float, theta_r: float, theta_f: float) -> float:
-    """Where in the patch the longitudinal shear displacement changes its sign (a braked wheel); NaN if nowhere."""
-    if abs(g_1) >= abs(g_2):
-        return _sign_change(g_0, g_1, g_2, theta_r, theta_f)
-    turn = math.acos(-g_1 / g_2)
-    theta = _sign_change(g_0, g_1, g_2, max(theta_r, -turn), min(theta_f, turn))
-    if math.isnan(theta):
-        theta = _sign_change(g_0, g_1, g_2, turn, theta_f)
-    if math.isnan(theta):
-        theta = _sign_change(g_0, g_1, g_2, theta_r, -turn)
-    return theta
+def _shear_reversals(
+    x_0: float, x_1: float, x_2: float, x_3: float, theta_r: float, theta_f: float, kinks: Array
+) -> int:
+    """Where in the patch the longitudinal shear displacement changes its sign; fills `kinks`, returns their number."""
+    # x_2 sin(theta) + x_3 cos(theta) = g_2 sin(theta + phase)
+    g_2 = math.copysign(math.sqrt(x_2 * x_2 + x_3 * x_3), x_2)
+    phase = math.atan2(math.copysign(x_3, x_3 * g_2), abs(x_2)) if g_2 != 0.0 else 0.0
+    g_0, g_1 = x_0 - x_1 * phase, x_1
+    low, high = theta_r + phase, theta_f + phase
+    turn = math.pi if abs(g_1) >= abs(g_2) else math.acos(-g_1 / g_2)
+    count = 0
+    for start, end in ((low, min(high, -turn)), (max(low, -turn), min(high, turn)), (max(low, turn), high)):
+        theta = _sign_change(g_0, g_1, g_2, start, end)
+        if not math.isnan(theta):
+            kinks[count] = theta - phase
+            count += 1
+    return count
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"}, inline="always")
@@ -188,9 +201,13 @@ def _add_patch_forces(
     theta_r: float,
     theta_m: float,
     pressure_factor: float,
+    contact: float,
     v_x: float,
     v_y: float,
+    v_z: float,
     omega: float,
+    omega_x: float,
+    omega_z: float,
     rate: float,
     share: float,
     mirror: float,
@@ -205,30 +222,37 @@ def _add_patch_forces(
         speed = (speed * speed + rate * rate) / (2.0 * rate)
     enters_front = _smooth_step(omega / rate)
     enters_behind = 1.0 - enters_front
-    # Displacements over K: j_x / K_x = x_0 + x_1 theta + x_2 sin(theta), j_y / K_y = y_0 + y_1 theta
-    sin_f, sin_r, cos_f = math.sin(theta_f), math.sin(theta_r), math.cos(theta_f)
+    # Displacements over K: j_x / K_x = x_0 + x_1 theta + x_2 sin(theta) + x_3 cos(theta), j_y / K_y likewise with y
+    sin_f, sin_r, cos_f, cos_r = math.sin(theta_f), math.sin(theta_r), math.cos(theta_f), math.cos(theta_r)
+    cohesion *= contact
     arc = enters_front * theta_f - enters_behind * theta_r
     turn = enters_behind - enters_front
-    x_1 = turn * radius * omega / (speed * modulus_x)
-    x_2 = -turn * v_x / (speed * modulus_x)
-    x_0 = (radius * omega * arc - v_x * (enters_front * sin_f - enters_behind * sin_r)) / (speed * modulus_x)
-    y_1 = -turn * v_y / (speed * modulus_y)
-    y_0 = -v_y * arc / (speed * modulus_y)
+    arc_sin = enters_front * sin_f - enters_behind * sin_r
+    arc_cos = enters_front * cos_f - enters_behind * cos_r
+    per_x, per_y = 1.0 / (speed * modulus_x), 1.0 / (speed * modulus_y)
+    x_0 = (radius * omega * arc - v_x * arc_sin + v_z * arc_cos) * per_x
+    x_1, x_2, x_3 = turn * radius * omega * per_x, -turn * v_x * per_x, turn * v_z * per_x
+    roll, yaw = radius * omega_x, radius * omega_z
+    y_0 = (-v_y * arc - roll * arc_sin + yaw * arc_cos) * per_y
+    y_1, y_2, y_3 = -turn * v_y * per_y, -turn * roll * per_y, turn * yaw * per_y
 
     # u in (0, 1) runs from either end of the patch to theta_m; Eq. (3) gives both regions the same pressure at equal u.
-    # A kink of the shear stress (reversal of j_x) is made an end of an integration interval.
+    # A kink of the shear stress (reversal of j_x or j_y) is made an end of an integration interval.
     front, rear = theta_f - theta_m, theta_m - theta_r
-    kink = _shear_reversal(x_0, x_1, x_2, theta_r, theta_f)
-    split = 1.0
-    if kink > theta_m:
-        split = (theta_f - kink) / front
-    elif kink <= theta_m:
-        split = (kink - theta_r) / rear
+    splits = np.ones(7)
+    count = _shear_reversals(x_0, x_1, x_2, x_3, theta_r, theta_f, splits)
+    if not resultant and (roll != 0.0 or yaw != 0.0):
+        count += _shear_reversals(y_0, y_1, y_2, y_3, theta_r, theta_f, splits[count:])
+    for k in range(count):
+        kink = splits[k]
+        splits[k] = (theta_f - kink) / front if kink > theta_m else (kink - theta_r) / rear
+    splits[:count].sort()
+    splits[count] = 1.0
     force_x = force_y = force_z = torque = moment_x = moment_z = 0.0
     pressures = np.empty(NODES)
-    for part in range(2 if split < 1.0 else 1):
-        start = 0.0 if part == 0 else split
-        extent = split if part == 0 else 1.0 - split
+    for part in range(count + 1):
+        start = 0.0 if part == 0 else splits[part - 1]
+        extent = splits[part] - start
         for k in range(NODES):
             pressures[k] = (
                 pressure_factor * max(_cosine(theta_f - front * (start + extent * _POSITION[k])) - cos_f, 0.0) ** n
@@ -242,8 +266,8 @@ def _add_patch_forces(
                 sin_t, cos_t = _sine(theta), _cosine(theta)
                 pressure = pressures[k]
                 strength = cohesion + tan_phi * pressure
-                displacement_x = x_0 + x_1 * theta + x_2 * sin_t
-                displacement_y = y_0 + y_1 * theta
+                displacement_x = x_0 + x_1 * theta + x_2 * sin_t + x_3 * cos_t
+                displacement_y = y_0 + y_1 * theta + y_2 * sin_t + y_3 * cos_t
                 if resultant:
                     total = math.sqrt(displacement_x * displacement_x + displacement_y * displacement_y) + 1e-300
                     shear = strength * _mobilised(total) / total
@@ -276,6 +300,8 @@ def wheel_soil_kernel(
     v_y: float,
     v_z: float,
     omega: float,
+    omega_x: float,
+    omega_z: float,
     standstill_rate: float,
     out: Array,
 ) -> None:
@@ -293,6 +319,8 @@ def wheel_soil_kernel(
         Velocity of the wheel centre in the heading frame [m/s].
     omega : float
         Spin [rad/s], positive rolls forward.
+    omega_x, omega_z : float
+        Rates at which the wheel's plane turns about the heading and about the vertical [rad/s].
     standstill_rate : float
         w0 [rad/s], > 0.
     out : array, shape (12,)
@@ -313,18 +341,20 @@ def wheel_soil_kernel(
         pressure_factor = (soil[0] + soil[1] * width) * (radius / width) ** soil[2]
     else:
         pressure_factor = (soil[0] / width + soil[1]) * radius ** soil[2]
-    pressure_factor *= max(0.0, 1.0 - soil[10] * v_z)
+    damping = max(0.0, 1.0 - soil[10] * v_z)
+    pressure_factor *= damping
+    contact = min(damping, 1.0)  # a wheel that rises too fast for the soil to follow loses its adhesion too
 
     forward = _smooth_step(v_x / (radius * standstill_rate))
     if forward > 0.0:
         _add_patch_forces(
-            soil, radius, width, theta_f, theta_r, theta_m, pressure_factor, v_x, v_y, omega, standstill_rate,
-            forward, 1.0, out,
+            soil, radius, width, theta_f, theta_r, theta_m, pressure_factor, contact, v_x, v_y, v_z, omega,
+            omega_x, omega_z, standstill_rate, forward, 1.0, out,
         )  # fmt: skip
     if forward < 1.0:
         _add_patch_forces(
-            soil, radius, width, theta_f, theta_r, theta_m, pressure_factor, -v_x, v_y, -omega, standstill_rate,
-            1.0 - forward, -1.0, out,
+            soil, radius, width, theta_f, theta_r, theta_m, pressure_factor, contact, -v_x, v_y, v_z, -omega,
+            omega_x, -omega_z, standstill_rate, 1.0 - forward, -1.0, out,
         )  # fmt: skip
     out[DRIVING_TORQUE] = -out[MOMENT_Y]
     out[SLIP_RATIO] = slip
@@ -374,7 +404,7 @@ def wheel_soil_forces(
     wheel_width: float,
     sinkage: float,
     velocity: ArrayLike,
-    angular_velocity: float,
+    angular_velocity: ArrayLike,
     *,
     standstill_rate: float = 0.01,
 ) -> WheelSoilForces:
@@ -389,8 +419,8 @@ def wheel_soil_forces(
         Of the lowest rim point below the undisturbed surface [m], < wheel_radius; <= 0: lifted off, all results 0.
     velocity : array_like, shape (3,)
         Of the wheel centre in its horizontal heading frame [m/s].
-    angular_velocity : float
-        Spin [rad/s], positive rolls forward (about +y).
+    angular_velocity : float or array_like, shape (3,)
+        Spin about +y [rad/s], positive rolls forward; or the whole angular velocity of the wheel in the same frame.
     standstill_rate : float
         Below this spin [rad/s], and below a speed of wheel_radius * standstill_rate, the regimes are joined smoothly.
 
@@ -404,7 +434,14 @@ def wheel_soil_forces(
         If a value is not finite, a size is not positive, or the wheel is sunk to its centre or deeper.
     """
     require_positive("wheel", wheel_radius=wheel_radius, wheel_width=wheel_width, standstill_rate=standstill_rate)
-    require_finite("wheel", sinkage=sinkage, angular_velocity=angular_velocity)
+    require_finite("wheel", sinkage=sinkage)
+    spin = np.asarray(angular_velocity, dtype=float)
+    if spin.shape not in ((), (3,)) or not np.isfinite(spin).all():
+        raise ValueError(
+            f"wheel.angular_velocity = {angular_velocity!r} is not a finite number or three; give the spin about +y "
+            "or (omega_x, omega_y, omega_z), in rad/s."
+        )
+    omega_x, omega, omega_z = spin if spin.ndim else (0.0, float(spin), 0.0)
     v = np.asarray(velocity, dtype=float)
     if v.shape != (3,):
         raise ValueError(f"wheel.velocity has shape {v.shape}; give (v_x, v_y, v_z) of the wheel centre in m/s.")
@@ -418,7 +455,7 @@ def wheel_soil_forces(
     out = np.empty(12)
     wheel_soil_kernel(
         soil.as_array(), float(wheel_radius), float(wheel_width), float(sinkage), v[0], v[1], v[2],
-        float(angular_velocity), float(standstill_rate), out,
+        float(omega), float(omega_x), float(omega_z), float(standstill_rate), out,
     )  # fmt: skip
     return WheelSoilForces(
         out[:3].copy(), out[3:6].copy(), *(float(x) for x in out[DRIVING_TORQUE : MAXIMUM_PRESSURE_ANGLE + 1])
@@ -472,13 +509,12 @@ def contact_stresses(
     equivalent = np.where(theta >= theta_m, theta, theta_f - (theta - theta_r) / rear * (theta_f - theta_m))
     depth = r * np.maximum(np.cos(equivalent) - math.cos(theta_f), 0.0)
     sigma = soil.pressure(1.0, wheel_width) * depth**soil.n * max(0.0, 1.0 - soil.damping * v_z)
-    if omega > 0.0:
-        time, sine = (theta_f - theta) / omega, math.sin(theta_f) - np.sin(theta)
-    else:
-        time, sine = (theta_r - theta) / omega, np.sin(theta) - math.sin(theta_r)
-    x = (r * omega * time - v_x * sine / abs(omega)) / soil.shear_modulus_x
+    entry = theta_f if omega > 0.0 else theta_r
+    time = (entry - theta) / omega
+    sine, cosine = math.sin(entry) - np.sin(theta), np.cos(theta) - math.cos(entry)
+    x = (r * omega * time - (v_x * sine + v_z * cosine) / omega) / soil.shear_modulus_x
     y = -v_y * time / soil.shear_modulus_y
-    strength = soil.cohesion + sigma * math.tan(soil.friction_angle)
+    strength = soil.cohesion * min(max(0.0, 1.0 - soil.damping * v_z), 1.0) + sigma * math.tan(soil.friction_angle)
     if soil.shear_limit == "resultant":
         total = np.hypot(x, y)
         share = -np.expm1(-total) / np.where(total > 0.0, total, 1.0)

@@ -102,8 +102,8 @@ class Wheel:
             require_positive("Wheel", inertia_spin=self.inertia[0], inertia_transverse=self.inertia[1])
             if self.inertia[0] > 2.0 * self.inertia[1]:
                 raise ValueError(
-                    f"Wheel.inertia = {self.inertia}: the spin inertia must not exceed twice the transverse one (no rigid "
-                    "body has that). Give (spin, transverse) about the centre."
+                    f"Wheel.inertia = {self.inertia}: the spin inertia must not exceed twice the transverse one; no "
+                    "rigid body has that. Give (spin, transverse) about the centre."
                 )
 
     @property
@@ -148,7 +148,8 @@ class Wishbones:
         )  # fmt: skip
         require_finite("Wishbones", ball_joint_inset=self.ball_joint_inset)
         steepest = 0.9 * self.upper_length
-        require_within("Wishbones", -steepest, steepest, "use a longer arm or a smaller drop.", upper_pivot_drop=self.upper_pivot_drop)
+        hint = "use a longer arm or a smaller drop."
+        require_within("Wishbones", -steepest, steepest, hint, upper_pivot_drop=self.upper_pivot_drop)
 
 
 @dataclass(frozen=True)

@@ -76,11 +76,11 @@ def sinkage_under_load(soil, radius, width, v_x, v_y, omega, load, standstill_ra
     steps = 80
     for i in range(1, steps + 1):
         high = DEEPEST * radius * (i / steps) ** 2
-        wheel_soil_kernel(soil, radius, width, high, v_x, v_y, 0.0, omega, standstill_rate, out)
+        wheel_soil_kernel(soil, radius, width, high, v_x, v_y, 0.0, omega, 0.0, 0.0, standstill_rate, out)
         if out[2] >= load:
             for _ in range(40):
                 middle = 0.5 * (low + high)
-                wheel_soil_kernel(soil, radius, width, middle, v_x, v_y, 0.0, omega, standstill_rate, out)
+                wheel_soil_kernel(soil, radius, width, middle, v_x, v_y, 0.0, omega, 0.0, 0.0, standstill_rate, out)
                 if out[2] >= load:
                     high = middle
                 else:
