@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from exumob.checks import require_positive, require_within
@@ -27,8 +27,6 @@ WHEEL_FRICTION = 0.03
 """Skin-friction coefficient of a treaded tyre [-]: rough plate; a guess, its uncertainty is a factor of two."""
 FAR = 1.0e3
 """Signed distance stored where no solid is near [m]."""
-NEAR_CELLS = 4.0
-"""The distance is known up to this many cells from a solid."""
 
 
 @dataclass(frozen=True)
@@ -384,7 +382,7 @@ def ramp(s: float) -> float:
     return 0.5 * (1.0 + s) ** 2 if s < 0.0 else 1.0 - 0.5 * (1.0 - s) ** 2
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", parallel=True)
 def place_solid(
     number: int, kind: int, parameters: Array, samples: Array, position: Array, rotation: Array, velocity: Array,
     angular_velocity: Array, region: NDArray[np.int64], metrics: Metrics, openness: Openness,
@@ -394,44 +392,55 @@ def place_solid(
     The openness is the mean over eight points a quarter of a cell off the face's centre: the ramp is then about 1.5 half
     cells wide either way, and edges of the solid keep their volume.
     """
-    j0, j1, k0, k1, i0, i1 = region
+    for j in prange(region[0], region[1]):
+        _place_row(
+            j, number, kind, parameters, samples, position, rotation, velocity, angular_velocity, region, metrics, openness
+        )
+
+
+@njit(cache=True, error_model="numpy")
+def _place_row(
+    j: int, number: int, kind: int, parameters: Array, samples: Array, position: Array, rotation: Array,
+    velocity: Array, angular_velocity: Array, region: NDArray[np.int64], metrics: Metrics, openness: Openness,
+) -> None:  # fmt: skip
+    """Row j of `place_solid`."""
     faces = (openness.bx, openness.by, openness.bz)
     speeds = (openness.sx, openness.sy, openness.sz)
-    for j in range(j0, j1):
-        for k in range(k0, k1):
-            for i in range(i0, i1):
-                width = max(metrics.dx[i], metrics.dy[j], metrics.dz[k])
-                for place in range(4):  # the cell's centre, then its low x, y and z faces
-                    x = (metrics.xf[i] if place == 1 else metrics.xc[i]) - position[0]
-                    y = (metrics.yf[j] if place == 2 else metrics.yc[j]) - position[1]
-                    z = (metrics.zf[k] if place == 3 else metrics.zc[k]) - position[2]
-                    d, share = _distance_in_widths(
-                        kind, parameters, samples, rotation, x, y, z, metrics.dx[i], metrics.dy[j], metrics.dz[k]
-                    )
-                    if place == 0:
-                        if d < openness.distance[j, k, i]:
-                            openness.distance[j, k, i] = d
-                            openness.nearest[j, k, i] = number
-                        if d > NEAR_CELLS * width:
-                            break
+    dy = metrics.dy[j]
+    for k in range(region[2], region[3]):
+        dz = metrics.dz[k]
+        for i in range(region[4], region[5]):
+            dx = metrics.dx[i]
+            x, y, z = metrics.xc[i] - position[0], metrics.yc[j] - position[1], metrics.zc[k] - position[2]
+            center, _ = _distance_in_widths(kind, parameters, samples, rotation, x, y, z, dx, dy, dz)
+            if center < openness.distance[j, k, i]:
+                openness.distance[j, k, i] = center
+                openness.nearest[j, k, i] = number
+            reach = 1.8 * max(dx, dy, dz)  # half a cell to the face, and the widest ramp
+            if center > reach:
+                continue
+            for axis in range(3):
+                x = (metrics.xf[i] if axis == 0 else metrics.xc[i]) - position[0]
+                y = (metrics.yf[j] if axis == 1 else metrics.yc[j]) - position[1]
+                z = (metrics.zf[k] if axis == 2 else metrics.zc[k]) - position[2]
+                value = 0.0
+                if center > -reach:
+                    _, share = _distance_in_widths(kind, parameters, samples, rotation, x, y, z, dx, dy, dz)
+                    if share >= 1.0:
                         continue
-                    value = 0.0 if share < 0.0 else 1.0
-                    if abs(share) < 1.0:
-                        value = 0.0
+                    if share > -1.0:
                         for n in range(8):
                             _, part = _distance_in_widths(
-                                kind, parameters, samples, rotation, x + (0.5 * (n & 1) - 0.25) * metrics.dx[i],
-                                y + (0.25 * (n & 2) - 0.25) * metrics.dy[j],
-                                z + (0.125 * (n & 4) - 0.25) * metrics.dz[k],
-                                metrics.dx[i], metrics.dy[j], metrics.dz[k],
+                                kind, parameters, samples, rotation, x + (0.5 * (n & 1) - 0.25) * dx,
+                                y + (0.25 * (n & 2) - 0.25) * dy, z + (0.125 * (n & 4) - 0.25) * dz, dx, dy, dz,
                             )  # fmt: skip
                             value += 0.125 * ramp(2.0 * part)
-                    if value < faces[place - 1][j, k, i]:
-                        faces[place - 1][j, k, i] = value
-                        if place == 1:
-                            speed = velocity[0] + angular_velocity[1] * z - angular_velocity[2] * y
-                        elif place == 2:
-                            speed = velocity[1] + angular_velocity[2] * x - angular_velocity[0] * z
-                        else:
-                            speed = velocity[2] + angular_velocity[0] * y - angular_velocity[1] * x
-                        speeds[place - 1][j, k, i] = speed
+                if value < faces[axis][j, k, i]:
+                    faces[axis][j, k, i] = value
+                    if axis == 0:
+                        speed = velocity[0] + angular_velocity[1] * z - angular_velocity[2] * y
+                    elif axis == 1:
+                        speed = velocity[1] + angular_velocity[2] * x - angular_velocity[0] * z
+                    else:
+                        speed = velocity[2] + angular_velocity[0] * y - angular_velocity[1] * x
+                    speeds[axis][j, k, i] = speed

@@ -111,33 +111,38 @@ def add_stress(
     """Add dt times the divergence of nu (grad u + grad u^T) to one velocity component on wet, open faces."""
     ny, nz, nx = u.shape
     sy, sz = nz * nx, nx
-    own = 1 if axis == 0 else (sy if axis == 1 else sz)
-    field = u if axis == 0 else (v if axis == 1 else w)
-    q, nu = field.ravel(), viscosity.ravel()
+    uf, vf, wf, nu = u.ravel(), v.ravel(), w.ravel(), viscosity.ravel()
     result, is_wet, beta = out.ravel(), wet.ravel(), open_faces.ravel()
+    m = metrics
+    if axis == 0:  # the component, and its two directions across: stride, other component, widths, distances
+        own, q, own_d, own_e = 1, uf, m.dx, m.ex
+        sa, other_a, da, ea, sb, other_b, db, eb = sy, vf, m.dy, m.ey, sz, wf, m.dz, m.ez
+    elif axis == 1:
+        own, q, own_d, own_e = sy, vf, m.dy, m.ey
+        sa, other_a, da, ea, sb, other_b, db, eb = 1, uf, m.dx, m.ex, sz, wf, m.dz, m.ez
+    else:
+        own, q, own_d, own_e = sz, wf, m.dz, m.ez
+        sa, other_a, da, ea, sb, other_b, db, eb = 1, uf, m.dx, m.ex, sy, vf, m.dy, m.ey
     for j in prange(HALO, ny - HALO + 1):
         for k in range(HALO, min(top + 1, nz - HALO) + 1):
             for i in range(HALO, nx - HALO + 1):
                 p = j * sy + k * sz + i
                 if not ((is_wet[p] or is_wet[p - own]) and beta[p] > 0.0):
                     continue
-                m = i if axis == 0 else (j if axis == 1 else k)
-                own_d = metrics.dx if axis == 0 else (metrics.dy if axis == 1 else metrics.dz)
-                own_e = metrics.ex if axis == 0 else (metrics.ey if axis == 1 else metrics.ez)
-                high = 2.0 * nu[p] * (q[p + own] - q[p]) / own_d[m]
-                low = 2.0 * nu[p - own] * (q[p] - q[p - own]) / own_d[m - 1]
-                rate = (high - low) / own_e[m]
-                for across in range(3):
-                    if across == axis:
-                        continue
-                    s = 1 if across == 0 else (sy if across == 1 else sz)
-                    n = i if across == 0 else (j if across == 1 else k)
-                    d = metrics.dx if across == 0 else (metrics.dy if across == 1 else metrics.dz)
-                    e = metrics.ex if across == 0 else (metrics.ey if across == 1 else metrics.ez)
-                    other = (u if across == 0 else (v if across == 1 else w)).ravel()
-                    mean = 0.25 * (nu[p] + nu[p - own] + nu[p + s] + nu[p + s - own])
-                    high = mean * ((q[p + s] - q[p]) / e[n + 1] + (other[p + s] - other[p + s - own]) / own_e[m])
-                    mean = 0.25 * (nu[p] + nu[p - own] + nu[p - s] + nu[p - s - own])
-                    low = mean * ((q[p] - q[p - s]) / e[n] + (other[p] - other[p - own]) / own_e[m])
-                    rate += (high - low) / d[n]
-                result[p] += dt * rate
+                o = i if axis == 0 else (j if axis == 1 else k)
+                a = j if axis == 0 else i
+                b = j if axis == 2 else k
+                high = 2.0 * nu[p] * (q[p + own] - q[p]) / own_d[o]
+                low = 2.0 * nu[p - own] * (q[p] - q[p - own]) / own_d[o - 1]
+                rate = (high - low) / own_e[o]
+                pair, to_own = nu[p] + nu[p - own], 1.0 / own_e[o]
+                mean = 0.25 * (pair + nu[p + sa] + nu[p + sa - own])
+                high = mean * ((q[p + sa] - q[p]) / ea[a + 1] + (other_a[p + sa] - other_a[p + sa - own]) * to_own)
+                mean = 0.25 * (pair + nu[p - sa] + nu[p - sa - own])
+                low = mean * ((q[p] - q[p - sa]) / ea[a] + (other_a[p] - other_a[p - own]) * to_own)
+                rate += (high - low) / da[a]
+                mean = 0.25 * (pair + nu[p + sb] + nu[p + sb - own])
+                high = mean * ((q[p + sb] - q[p]) / eb[b + 1] + (other_b[p + sb] - other_b[p + sb - own]) * to_own)
+                mean = 0.25 * (pair + nu[p - sb] + nu[p - sb - own])
+                low = mean * ((q[p] - q[p - sb]) / eb[b] + (other_b[p] - other_b[p - own]) * to_own)
+                result[p] += dt * (rate + (high - low) / db[b])
