@@ -42,17 +42,7 @@ def test_acceleration_is_continuous(motion):
         assert motion(t - 5e-7)[2] == pytest.approx(motion(t + 5e-7)[2], abs=0.1)
 
 
-@pytest.mark.parametrize(
-    "motion",
-    [
-        *ALL[:-1],
-        pytest.param(
-            RECORDED.wheel_speed,
-            marks=pytest.mark.xfail(strict=True, reason="clamped splines: the acceleration jumps from 0 at t = 0"),
-            id="recorded speed",
-        ),
-    ],
-)
+@pytest.mark.parametrize("motion", ALL)
 def test_start_has_zero_acceleration(motion):
     """A sudden start costs spin torques of hundreds of N m: value, rate and acceleration start at zero."""
     assert motion(0.0) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
