@@ -7,29 +7,13 @@ one gather before each Newton residual, each load returns its row.
 
 from __future__ import annotations
 
-import contextlib
-import io
-import os
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from exumob.environment import Soil
-from exumob.errors import SimulationError
-from exumob.loads import HISTORY, LOADS, WORK, add_work, load_model, sample_motion, soil_damping, vehicle_loads
-from exumob.maneuver import Maneuver
-from exumob.states import Array, BodyStates
-from exumob.terrain import Terrain
-from exumob.vehicle import Suspension, Vehicle
-
-os.environ.setdefault("EXUDYN_NO_USER_SETTINGS", "1")  # a file in the home folder must not change results
-if "exudyn" not in sys.modules:
-    sys.exudynFast = True  # type: ignore[attr-defined]
-with contextlib.redirect_stdout(io.StringIO()):  # the fast build announces itself
-    import exudyn as exu
+from exumob._exudyn import exu  # isort: skip (before anything of exudyn)
 from exudyn.itemInterface import (
     LoadForceVector,
     LoadTorqueVector,
@@ -44,6 +28,15 @@ from exudyn.itemInterface import (
     ObjectJointRevoluteZ,
 )
 from exudyn.utilities import RigidBodyInertia
+
+from exumob.constraints import Constraints
+from exumob.environment import Soil
+from exumob.errors import SimulationError
+from exumob.loads import HISTORY, LOADS, WORK, add_work, load_model, sample_motion, soil_damping, vehicle_loads
+from exumob.maneuver import Maneuver
+from exumob.states import Array, BodyStates
+from exumob.terrain import Terrain
+from exumob.vehicle import Suspension, Vehicle
 
 HISTORY_STEP = 1.0e-3
 """Sampling of the motion that every water model sees [s]; the paper's networks were trained at it."""
@@ -147,7 +140,7 @@ class MultibodyVehicle:
         self._damping_entries = np.zeros((132, 3))
         self._settings = _solver_settings(micro_step, duration)
         self._solver = exu.MainSolverImplicitSecondOrder()
-        self._dense: Any = None
+        self._constraints = Constraints(self.mbs, self._q, self._v, self._multipliers, self._reference, self._spin_rows)
 
     # -- model -------------------------------------------------------------------------------------------------------
 
@@ -323,7 +316,6 @@ class MultibodyVehicle:
         data = self.mbs.systemData
         data.SetODE2Coordinates(np.array(self._q), configuration=exu.ConfigurationType.Initial)
         data.SetODE2Coordinates_t(np.array(self._v), configuration=exu.ConfigurationType.Initial)
-        self._constraint_solver()
         self._start(self._settings, driving=True)
 
     def _start(self, settings: Any, driving: bool) -> None:
@@ -507,100 +499,35 @@ class MultibodyVehicle:
             self._records[: self._rows] = saved.records
         self._set_command(saved.time)
 
-    # -- constraints ---------------------------------------------------------------------------------------------------
-
-    def _constraint_solver(self) -> Any:
-        """A second solver in dense mode, for residuals and Jacobians of the constraints alone."""
-        if self._dense is None:
-            settings = exu.SimulationSettings()
-            settings.linearSolver.solverType = exu.LinearSolverType.EXUdense
-            _silence(settings)
-            solver = exu.MainSolverImplicitSecondOrder()
-            solver.InitializeSolver(self.mbs, settings)  # resets the state: only before a run
-            n = solver.GetODE2size() + solver.GetAEsize()
-            self._zeros = np.zeros((n, n))
-            self._velocity_level = np.zeros(solver.GetAEsize(), dtype=np.bool_)
-            self._velocity_level[self._spin_rows] = True
-            self._dense = solver
-        return self._dense
-
-    def _constraint_residual(self, velocity_level: bool) -> Array:
-        solver = self._constraint_solver()
-        solver.ComputeAlgebraicEquations(self.mbs, velocity_level)
-        return np.array(solver.GetSystemResidual())[len(self._q) :]
-
-    def _jacobian_of_constraints(self, position: float, velocity: float) -> Array:
-        """Position * dC/dq + velocity * dC/dv, shape (constraints, 63)."""
-        solver = self._constraint_solver()
-        solver.SetSystemJacobian(self._zeros)
-        solver.ComputeJacobianAE(self.mbs, position, velocity, 1.0, False)
-        return np.array(solver.GetSystemJacobian())[len(self._q) :, : len(self._q)]
-
-    def _constraint_jacobian(self) -> Array:
-        """dC/dq of position-level rows and dC/dv of velocity-level rows, shape (constraints, 63)."""
-        blocks = self._jacobian_of_constraints(1.0, 0.0), self._jacobian_of_constraints(0.0, 1.0)
-        return np.where(self._velocity_level[:, None], blocks[1], blocks[0])
-
     def constraint_wrenches(self) -> Array:
-        """Forces and moments of all constraints on the nine bodies, world axes, about each origin, shape (9, 6).
-
-        From the Lagrange multipliers: Q = -C_q^T lambda (paper Eq. 6); torque = G(e) Q_e / 2. The multiplier of a spin
-        constraint is a torque about the wheel's axis.
-        """
-        multipliers = np.array(self._multipliers)
-        spin_torque = -multipliers[self._spin_rows]
-        multipliers[self._velocity_level] = 0.0
-        generalized = (-multipliers @ self._jacobian_of_constraints(1.0, 0.0)).reshape(9, 7)
-        nodes = (np.array(self._q) + self._reference).reshape(9, 7)
-        wrenches = np.empty((9, 6))
-        wrenches[:, :3] = generalized[:, :3]
-        wrenches[:, 3:] = 0.5 * np.einsum("nij,nj->ni", _euler_map(nodes[:, 3:]), generalized[:, 3:])
-        w, x, y, z = nodes[1:5, 3:].T
-        axles = np.stack([2.0 * (x * y - w * z), 2.0 * (w * w + y * y) - 1.0, 2.0 * (y * z + w * x)], axis=-1)
-        wrenches[5:, 3:] += spin_torque[:, None] * axles
-        wrenches[1:5, 3:] -= spin_torque[:, None] * axles
-        return wrenches
+        """Reactions on the nine bodies, see `Constraints.wrenches`."""
+        return self._constraints.wrenches()
 
     def constraint_errors(self) -> tuple[float, float]:
-        """Largest residual of the position-level [m or rad] and velocity-level [rad/s] constraints now."""
-        residual = np.abs(self._constraint_residual(False))
-        return float(residual[~self._velocity_level].max()), float(residual[self._velocity_level].max())
+        """Largest constraint residuals now, see `Constraints.errors`."""
+        return self._constraints.errors()
 
     def predict(self, step: float) -> BodyStates:
         """Extrapolate over `step` [s] and project on the constraints; the state of the model itself is left alone.
 
-        q + h v + h^2/2 a and v + h a, then Newton on the positions and one projection of the velocities, both in the
-        metric of the mass matrix (paper Sec. 2.3).
+        q + h v + h^2/2 a and v + h a, then `Constraints.project` (paper Sec. 2.3).
 
         Returns
         -------
         BodyStates, n = 1
         """
-        now = self.time
-        time, q, v, a = now + step, np.array(self._q), np.array(self._v), np.array(self._a)
-        data = self.mbs.systemData
+        now, q, v, a = self.time, np.array(self._q), np.array(self._v), np.array(self._a)
+        sample = np.zeros(1, HISTORY)
+        sample["time"] = now + step
         try:
-            solver = self._constraint_solver()
-            data.SetTime(time)
-            self._set_command(time)
+            self.mbs.systemData.SetTime(now + step)
+            self._set_command(now + step)
             self._q[:] = q + step * v + 0.5 * step**2 * a
             self._v[:] = v + step * a
-            solver.ComputeMassMatrix(self.mbs, 1.0)
-            mass = np.array(solver.GetSystemMassMatrix())[: len(q), : len(q)]
-            for _ in range(10):
-                residual = np.where(self._velocity_level, 0.0, self._constraint_residual(False))
-                if np.abs(residual).max() < 1e-14:
-                    break
-                jacobian = np.where(self._velocity_level[:, None], 0.0, self._constraint_jacobian())
-                self._q[:] = np.array(self._q) - _projection(mass, jacobian, residual)
-            self._v[:] = np.array(self._v) - _projection(
-                mass, self._constraint_jacobian(), self._constraint_residual(True)
-            )
-            sample = np.zeros(1, HISTORY)
-            sample["time"] = time
+            self._constraints.project()
             sample_motion(self._q, self._v, self._a, self._reference, sample[0])
         finally:
-            data.SetTime(now)
+            self.mbs.systemData.SetTime(now)
             self._q[:], self._v[:] = q, v
             self._set_command(now)
         return _as_states(sample)
@@ -624,22 +551,6 @@ def _frame_on(normal: Array) -> Array:
     left = np.cross(normal, [1.0, 0.0, 0.0])
     left /= np.linalg.norm(left)
     return np.column_stack([np.cross(left, normal), left, normal])
-
-
-def _euler_map(e: Array) -> Array:
-    """G of w = 2 G(e) e_t: world angular velocity from Euler parameters, shape (n, 4) -> (n, 3, 4)."""
-    a, b, c, d = e.T
-    return np.stack([np.stack([-b, a, -d, c], -1), np.stack([-c, d, a, -b], -1), np.stack([-d, -c, b, a], -1)], axis=1)
-
-
-def _projection(mass: Array, jacobian: Array, residual: Array) -> Array:
-    """Smallest correction in the metric of `mass` with jacobian @ correction = residual."""
-    rows = np.abs(jacobian).max(axis=1) > 0.0
-    active = jacobian[rows]
-    n, m = len(mass), len(active)
-    system = np.block([[mass, active.T], [active, np.zeros((m, m))]])
-    solution: Array = np.linalg.solve(system, np.concatenate([np.zeros(n), residual[rows]]))
-    return solution[:n]
 
 
 def _solver_settings(step: float, duration: float, tolerance: float = 1e-5) -> Any:

@@ -242,15 +242,13 @@ def summary(dataset: xr.Dataset) -> dict[str, float]:
 
 def provenance() -> dict[str, str]:
     """Versions, git revision and date of this computation."""
-    import exudyn
-
     try:
         version = metadata.version("exumob")
     except metadata.PackageNotFoundError:
         version = "not installed"
     return {
         "exumob_version": version,
-        "exudyn_version": str(exudyn.__version__),
+        "exudyn_version": metadata.version("exudyn"),
         "numpy_version": np.__version__,
         "git_revision": _git_revision(),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
