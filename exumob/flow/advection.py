@@ -141,13 +141,17 @@ def relative_velocity(
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def largest_courant(rx: Array, ry: Array, rz: Array, metrics: Metrics, top: int, rates: Array) -> None:
-    """Per row j the largest sum of speed over width in a cell [1/s]; infinite where a value is not a number."""
+def largest_courant(
+    rx: Array, ry: Array, rz: Array, fraction: Array, metrics: Metrics, top: int, rates: Array
+) -> None:
+    """Per row j the largest sum of speed over width in a cell with water [1/s]; infinite if a value is not a number."""
     ny, nz, nx = rx.shape
     for j in prange(HALO, ny - HALO):
         largest = 0.0
         for k in range(HALO, min(top + 2, nz - HALO)):
             for i in range(HALO, nx - HALO):
+                if fraction[j, k, i] <= 1e-6:
+                    continue
                 rate = max(abs(rx[j, k, i]), abs(rx[j, k, i + 1])) / metrics.dx[i]
                 rate += max(abs(ry[j, k, i]), abs(ry[j + 1, k, i])) / metrics.dy[j]
                 rate += max(abs(rz[j, k, i]), abs(rz[j, k + 1, i])) / metrics.dz[k]

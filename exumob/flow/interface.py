@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from exumob.flow.body import Openness
 from exumob.flow.grid import HALO, Metrics
 from exumob.states import Array
 
@@ -316,6 +317,77 @@ def refill_solids(
                             max(metrics.zc[k] + step * gz, metrics.zc[HALO]), j, k, i, metrics,
                         )  # fmt: skip
                         refilled[j, k, i] = fraction[j, k, i] if value < 0.0 else value
+
+
+@njit(cache=True, error_model="numpy")
+def release_surface(
+    fraction: Array, changed: Array, solids: Openness, regions: NDArray[np.int64], position: Array, velocity: Array,
+    angular_velocity: Array, frame: Array, dt: float, metrics: Metrics,
+) -> None:  # fmt: skip
+    """Undo what the closed part of cut cells carried along the wall.
+
+    The fraction moves with the solid where a cell is closed; a wall that slides through the surface would drag it along by
+    that share of the cell and take water out of the open part. Only the motion through the wall moves water.
+
+    Parameters
+    ----------
+    fraction : array, changed
+        [-]
+    changed : array
+        Work space.
+    position, velocity, angular_velocity : array, shape (n, 3)
+        Of the solids, grid axes.
+    frame : array, shape (3,)
+        Velocity of the grid's origin [m/s] and its yaw rate [rad/s].
+    """
+    ny, nz, nx = fraction.shape
+    d = solids.distance
+    for write in range(2):
+        for n in range(len(regions)):
+            for j in range(max(regions[n, 0], HALO), min(regions[n, 1], ny - HALO)):
+                for k in range(max(regions[n, 2], HALO), min(regions[n, 3], nz - HALO)):
+                    for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
+                        if solids.nearest[j, k, i] != n:
+                            continue
+                        share = (
+                            solids.bx[j, k, i] + solids.bx[j, k, i + 1] + solids.by[j, k, i] + solids.by[j + 1, k, i]
+                            + solids.bz[j, k, i] + solids.bz[j, k + 1, i]
+                        ) / 6.0  # fmt: skip
+                        if share > 0.999 or share < 0.001:
+                            continue
+                        if write:
+                            fraction[j, k, i] = changed[j, k, i]
+                            continue
+                        c = fraction[j, k, i]
+                        changed[j, k, i] = c
+                        gx = (d[j, k, i + 1] - d[j, k, i - 1]) / (metrics.ex[i + 1] + metrics.ex[i])
+                        gy = (d[j + 1, k, i] - d[j - 1, k, i]) / (metrics.ey[j + 1] + metrics.ey[j])
+                        gz = (d[j, k + 1, i] - d[j, k - 1, i]) / (metrics.ez[k + 1] + metrics.ez[k])
+                        norm = math.sqrt(gx * gx + gy * gy + gz * gz)
+                        if norm < 1e-6:
+                            continue
+                        gx, gy, gz = gx / norm, gy / norm, gz / norm
+                        x, y, z = metrics.xc[i], metrics.yc[j], metrics.zc[k]
+                        px, py, pz = x - position[n, 0], y - position[n, 1], z - position[n, 2]
+                        o = angular_velocity[n]
+                        ux = velocity[n, 0] + o[1] * pz - o[2] * py - (frame[0] - frame[2] * y)
+                        uy = velocity[n, 1] + o[2] * px - o[0] * pz - (frame[1] + frame[2] * x)
+                        uz = velocity[n, 2] + o[0] * py - o[1] * px
+                        through = ux * gx + uy * gy + uz * gz
+                        ux, uy, uz = ux - through * gx, uy - through * gy, uz - through * gz
+                        if ux > 0.0:
+                            slope = ux * (fraction[j, k, i + 1] - c) / metrics.ex[i + 1]
+                        else:
+                            slope = ux * (c - fraction[j, k, i - 1]) / metrics.ex[i]
+                        if uy > 0.0:
+                            slope += uy * (fraction[j + 1, k, i] - c) / metrics.ey[j + 1]
+                        else:
+                            slope += uy * (c - fraction[j - 1, k, i]) / metrics.ey[j]
+                        if uz > 0.0:
+                            slope += uz * (fraction[j, k + 1, i] - c) / metrics.ez[k + 1]
+                        elif k > HALO:
+                            slope += uz * (c - fraction[j, k - 1, i]) / metrics.ez[k]
+                        changed[j, k, i] = c + dt * (1.0 - share) * slope
 
 
 def transport(

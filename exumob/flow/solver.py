@@ -359,6 +359,9 @@ class FlowSolver:
 
         fraction = new.fraction
         fraction[:] = old.fraction
+        interface.release_surface(
+            fraction, self._scratch, self.openness, self._regions, position, velocity, rate, drift, dt, m
+        )
         interface.refill_solids(fraction, self._scratch, self.openness.distance, self._regions, m, s.refill_depth)
         self._fill_fraction(fraction)
         top = interface.mark_wet(fraction, self._wet)
@@ -411,7 +414,7 @@ class FlowSolver:
         advection.full_velocity(new.cx, new.cy, new.cz, *out, self.openness, top)
         boundary.fill_velocity(new.cx, new.cy, new.cz, far, s.far_x, s.far_y, s.closed_top)
         advection.relative_velocity(*self._flow, new.cx, new.cy, new.cz, drift, top, m)
-        advection.largest_courant(*self._flow, m, top, self._rows)
+        advection.largest_courant(*self._flow, fraction, m, top, self._rows)
         courant = float(self._rows.max()) * dt
         if not courant < 2.0 * s.courant:
             return f"the Courant number reached {courant:.2g}"
@@ -545,7 +548,7 @@ class FlowSolver:
                 *self._flow, self._state.cx, self._state.cy, self._state.cz, np.zeros(3), top, self.metrics
             )
         top = interface.mark_wet(self._state.fraction, self._wet)
-        advection.largest_courant(*self._flow, self.metrics, top, self._rows)
+        advection.largest_courant(*self._flow, self._state.fraction, self.metrics, top, self._rows)
         return float(self._rows.max())
 
     # -- results --------------------------------------------------------------------------------------------------
