@@ -185,7 +185,7 @@ class Grid:
 def graded_faces(low: float, core_low: float, core_high: float, high: float, size: float, growth: float) -> Array:
     """Faces [m] of equal width in [core_low, core_high], growing by `growth` outwards to `low` and `high`.
 
-    The outer widths are scaled a little so that whole cells fit; the core keeps its own size, rounded to fit.
+    The core's cells are rounded to fit; the outermost cells may reach up to one width beyond `low` and `high`.
     """
     if not low <= core_low < core_high <= high:
         raise ValueError(f"the core [{core_low:g}, {core_high:g}] m must lie inside the window [{low:g}, {high:g}] m.")
@@ -194,21 +194,12 @@ def graded_faces(low: float, core_low: float, core_high: float, high: float, siz
     size = (core_high - core_low) / count
 
     def outward(extent: float) -> Array:
-        if extent < 0.5 * size:
-            return np.zeros(0)
-        n, total = 0, 0.0
-        while total + 0.5 * size * growth ** (n + 1) < extent:
-            n += 1
-            total += size * growth**n
-        n = max(n, 1)
-        low_ratio, high_ratio = 0.5, 2.0  # the ratio that fills the extent exactly with n cells
-        for _ in range(100):
-            ratio = 0.5 * (low_ratio + high_ratio)
-            if size * np.sum(ratio ** np.arange(1, n + 1)) < extent:
-                low_ratio = ratio
-            else:
-                high_ratio = ratio
-        return np.cumsum(size * ratio ** np.arange(1, n + 1))
+        ends: list[float] = []
+        width = size
+        while (ends[-1] if ends else 0.0) < extent - 1e-9:
+            width *= growth
+            ends.append((ends[-1] if ends else 0.0) + width)
+        return np.array(ends)
 
     below, above = outward(core_low - low), outward(high - core_high)
     return np.concatenate([core[0] - below[::-1], core, core[-1] + above])

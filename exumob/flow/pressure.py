@@ -438,7 +438,7 @@ class Outcome(NamedTuple):
 
 
 def solve(
-    levels: Levels, phi: Array, metrics: Metrics, dt: float, top: int, tolerance: float, most: int
+    levels: Levels, phi: Array, metrics: Metrics, dt: float, top: int, tolerance: float, most: int, closed: bool
 ) -> Outcome:
     """Solve for phi [m^2/s], starting from what it holds.
 
@@ -453,9 +453,14 @@ def solve(
         Divergence left times dt [-].
     most : int
         Iterations before giving up.
+    closed : bool
+        Whether there may be no surface at all: phi is then defined up to a constant and the sources must sum to 0.
     """
     levels.prepare(top)
     fine = levels.levels[0]
+    if closed and not fine.extra.any():
+        unknown = fine.pivot > 0.0
+        levels.rhs[unknown] -= levels.rhs[unknown].mean()
     sums = np.zeros(phi.shape[0])
     mask_unknowns(fine, phi, top)
     multiply(fine, phi, levels.product, top, sums)

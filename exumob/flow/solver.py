@@ -401,7 +401,9 @@ class FlowSolver:
             *out, fraction, self._wet, self.openness, m, dt, self.water.depth, s.closest_surface, s.void_stiffness, top,
             *self._theta, self.levels.levels[0], self.levels.rhs,
         )  # fmt: skip
-        solved = pressure.solve(self.levels, new.phi, m, dt, top, s.tolerance, s.iterations)
+        solved = pressure.solve(
+            self.levels, new.phi, m, dt, top, s.tolerance, s.iterations, s.closed_top
+        )  # fmt: skip
         if not solved.converged and not solved.residual < 1e3 * s.tolerance:
             return f"the pressure did not converge (divergence times step {solved.residual:.1e})"
         pressure.project(
