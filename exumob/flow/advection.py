@@ -17,6 +17,9 @@ from exumob.flow.body import Openness
 from exumob.flow.grid import HALO, Metrics
 from exumob.states import Array
 
+RESOLVED = 0.01
+"""Fraction below which spray does not limit the time step [-]; its transport stays bounded by what the cell holds."""
+
 
 @njit(cache=True, error_model="numpy", inline="always")
 def limited(a: float, b: float) -> float:
@@ -144,13 +147,13 @@ def relative_velocity(
 def largest_courant(
     rx: Array, ry: Array, rz: Array, fraction: Array, metrics: Metrics, top: int, rates: Array
 ) -> None:
-    """Per row j the largest sum of speed over width in a cell with water [1/s]; infinite if a value is not a number."""
+    """Per row j the largest sum of speed over width in a cell holding water [1/s]; infinite if a value is not a number."""
     ny, nz, nx = rx.shape
     for j in prange(HALO, ny - HALO):
         largest = 0.0
         for k in range(HALO, min(top + 2, nz - HALO)):
             for i in range(HALO, nx - HALO):
-                if fraction[j, k, i] <= 1e-6:
+                if fraction[j, k, i] < RESOLVED:
                     continue
                 rate = max(abs(rx[j, k, i]), abs(rx[j, k, i + 1])) / metrics.dx[i]
                 rate += max(abs(ry[j, k, i]), abs(ry[j + 1, k, i])) / metrics.dy[j]
