@@ -76,6 +76,8 @@ def lane_change_command(
     targets = {"--output": output, "--figure": figure, "--animate": animate}
     try:
         _check_targets(targets)
+        if (figure or animate) and duration < 0.1:
+            raise ValueError(f"--duration {duration} s is too short to draw; give at least 0.1 s, or no --figure.")
         car = (
             load_vehicle(vehicle)
             if vehicle
@@ -160,9 +162,11 @@ def _check_targets(targets: dict[str, Path | None]) -> None:
                 pass
         except OSError as error:
             raise ValueError(f"{option} {path}: the folder cannot be written ({error.strerror}).") from None
-    movie = targets.get("--animate")
-    if movie is not None and movie.suffix not in (".gif", ".mp4"):
-        raise ValueError(f"--animate {movie}: the ending {movie.suffix!r} is not known; use .gif or .mp4.")
+    for option, endings in (("--figure", (".png", ".pdf", ".svg")), ("--animate", (".gif", ".mp4"))):
+        path = targets[option]
+        if path is not None and path.suffix not in endings:
+            known = ", ".join(endings[:-1]) + f" or {endings[-1]}"
+            raise ValueError(f"{option} {path}: the ending {path.suffix!r} is not known; use {known}.")
 
 
 def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
@@ -172,7 +176,10 @@ def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
         _print_summary(result, summary(result))
     if targets["--output"]:
         console.print(f"result    {save_dataset(result, targets['--output'])}", highlight=False)
-    if result.sizes["time"] < 3 or not (targets["--figure"] or targets["--animate"]):
+    if not (targets["--figure"] or targets["--animate"]):
+        return
+    if result.sizes["time"] < 3:
+        errors.print("[yellow]too little was computed to draw it[/yellow]")
         return
     import matplotlib
 

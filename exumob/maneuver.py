@@ -158,6 +158,8 @@ class Recorded:
         if speed[0] != 0.0:
             raise ValueError(f"Recorded.wheel_speed starts at {speed[0]} rad/s; it must start at rest (0 rad/s).")
         self._end = float(t[-1])
+        self.parameters = {"time": t.tolist(), "steering": angle.tolist(), "wheel_speed": speed.tolist()}
+        """The samples, as kept in results."""
         steady = [(1, 0.0), (2, 0.0)]
         self._angle, self._speed = (make_interp_spline(t, a, 5, bc_type=(steady, steady)) for a in (angle, speed))
 

@@ -123,6 +123,7 @@ class MultibodyVehicle:
         self._records = np.zeros(round(duration / record_step) + 2, RECORD)
         self._rows = 0
         self._command = [0.0, 0.0, 0.0]  # front-left and front-right steering angle, wheel speed
+        self._driving = False  # until the vehicle has settled: wheels locked, steering as at time 0
         self._rates = np.zeros(3)  # of the two angles, and the wheel speed again
 
         self._container = exu.SystemContainer()
@@ -303,11 +304,12 @@ class MultibodyVehicle:
                     stages.pop(0)
                     if not stages:
                         break
-            else:
+            speed = float(np.hypot(*state.velocity[0, 0, :2]))
+            if stages or speed > model["wheel_radius"] * standstill_rate:
                 raise SimulationError(
                     f"{self.vehicle.name}: no static equilibrium within {limit} s (largest acceleration "
-                    f"{acceleration:.2g} m/s^2); the vehicle floats or slides. Lower the water depth or the current, "
-                    "or choose a firmer soil."
+                    f"{acceleration:.2g} m/s^2, speed {speed:.2g} m/s); the vehicle floats or slides. Lower the water "
+                    "depth or the current, choose a firmer soil or a gentler slope."
                 )
         finally:
             self._solver.FinalizeSolver(self.mbs, settings)
@@ -404,7 +406,13 @@ class MultibodyVehicle:
 
     def _advance(self, settings: Any, end_time: float) -> None:
         self._solver.it.endTime = end_time
-        if not self._solver.SolveSteps(self.mbs, settings):
+        try:
+            converged = self._solver.SolveSteps(self.mbs, settings)
+        except Exception as error:
+            if isinstance(error.__cause__, SimulationError | KeyboardInterrupt):  # from a user function
+                raise error.__cause__ from None
+            raise
+        if not converged:
             raise SimulationError(
                 f"{self.vehicle.name}: the time integration broke down at {self.time:.4f} s (Newton did not converge). "
                 "Halve micro_step, or soften the soil, the bump stops or the maneuver."
@@ -419,12 +427,7 @@ class MultibodyVehicle:
             If a wheel sinks to its centre, the motion is not finite or the integration does not converge.
         """
         self.loads[0]["water"] = water
-        try:
-            self._advance(self._settings, end_time)
-        except Exception as error:
-            if isinstance(error.__cause__, SimulationError | KeyboardInterrupt):
-                raise error.__cause__ from None
-            raise
+        self._advance(self._settings, end_time)
 
     # -- state -------------------------------------------------------------------------------------------------------
 
@@ -435,7 +438,12 @@ class MultibodyVehicle:
 
     @property
     def history(self) -> BodyStates:
-        """Motion of the five bodies every `HISTORY_STEP` from time 0 to now (views)."""
+        """Motion of the five bodies every `HISTORY_STEP` from time 0, and now (views)."""
+        if self.time > self._history["time"][self._samples - 1] + 1e-9:  # between two samples: lent the next one's row
+            now = self._history[self._samples]
+            now["time"] = self.time
+            sample_motion(self._q, self._v, self._a, self._reference, now)
+            return _as_states(self._history[: self._samples + 1])
         return _as_states(self._history[: self._samples])
 
     def present(self) -> BodyStates:

@@ -258,16 +258,19 @@ def provenance() -> dict[str, str]:
 
 def _git_revision() -> str:
     git = shutil.which("git")
-    if git is None:
+    root = Path(__file__).parents[1]
+    if git is None or not (root / ".git").exists():  # installed: no repository, or somebody else's around it
         return "unknown"
     answer = subprocess.run(
-        [git, "describe", "--always", "--dirty"], cwd=Path(__file__).parent, capture_output=True, text=True, check=False
+        [git, "describe", "--always", "--dirty"], cwd=root, capture_output=True, text=True, check=False
     )
     return answer.stdout.strip() or "unknown"
 
 
 def _plain(value: Any) -> Any:
-    """Anything as JSON: dataclasses as dicts, arrays as lists, the rest by name."""
+    """Anything as JSON: dataclasses and objects with `parameters` as dicts, arrays as lists, the rest by name."""
+    if isinstance(parameters := getattr(value, "parameters", None), dict):
+        return {type(value).__name__: parameters}
     if is_dataclass(value) and not isinstance(value, type):
         return {type(value).__name__: asdict(value)}
     if isinstance(value, np.ndarray):
@@ -280,7 +283,8 @@ def _plain(value: Any) -> Any:
 def save_dataset(dataset: xr.Dataset, file: str | Path) -> Path:
     """Write netCDF under a temporary name, then rename: a killed run leaves no half file.
 
-    If the disk is full or not writable, the file goes to the system's temporary folder instead and a warning says so.
+    If the disk is full or not writable, the file goes to a new folder in the system's temporary one instead, and a
+    warning says so.
 
     Returns
     -------
@@ -296,11 +300,13 @@ def save_dataset(dataset: xr.Dataset, file: str | Path) -> Path:
     try:
         return _write(dataset, path)
     except OSError as error:
-        fallback = Path(tempfile.gettempdir()) / path.name
-        if fallback.resolve() == path.resolve():
-            raise
+        fallback = Path(tempfile.mkdtemp(prefix="exumob-")) / path.name
         reason = os.strerror(error.errno) if error.errno else str(error)
-        _write(dataset, fallback)
+        try:
+            _write(dataset, fallback)
+        except OSError:
+            shutil.rmtree(fallback.parent)
+            raise
         logger.warning("could not write %s (%s); the result was saved as %s instead", path, reason, fallback)
         return fallback
 
@@ -308,10 +314,11 @@ def save_dataset(dataset: xr.Dataset, file: str | Path) -> Path:
 def _write(dataset: xr.Dataset, path: Path) -> Path:
     if not path.parent.is_dir():
         raise OSError(errno.ENOENT, f"folder {path.parent} does not exist")
+    packed = {name: {"zlib": True, "complevel": 4} for name, v in dataset.data_vars.items() if v.dtype.kind == "f"}
+    data = dataset.to_netcdf(engine="h5netcdf", encoding=packed)  # in memory: HDF5 on a full disk takes Python down
     partial = path.with_name(f".{path.name}.partial")
     try:
-        packed = {name: {"zlib": True, "complevel": 4} for name, v in dataset.data_vars.items() if v.dtype.kind == "f"}
-        dataset.to_netcdf(partial, engine="h5netcdf", encoding=packed)
+        partial.write_bytes(data)
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)

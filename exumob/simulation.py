@@ -16,6 +16,7 @@ from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, NoWate
 from exumob.maneuver import Maneuver, lane_change
 from exumob.multibody import HISTORY_STEP, SETTLING_STEP, MultibodyVehicle
 from exumob.results import build_dataset
+from exumob.states import Array, BodyStates
 from exumob.terrain import Terrain
 from exumob.vehicle import Vehicle
 
@@ -85,7 +86,7 @@ def simulate(
     model = MultibodyVehicle(vehicle, soil, maneuver, terrain, micro_step, duration, record_step)
     active = hydrodynamics
     hydrodynamics.start(vehicle, water, SETTLING_STEP)
-    model.settle(lambda states: active.wrenches(states, lambda: states))
+    model.settle(lambda states: _loads(active, states, lambda: states))
     hydrodynamics.start(vehicle, water, macro_step)
     settled = time.perf_counter()
     steps = round(duration / macro_step)
@@ -100,12 +101,7 @@ def simulate(
 
     try:
         for n in range(steps):
-            loads = hydrodynamics.wrenches(model.history, lambda: model.predict(macro_step))
-            if not np.isfinite(loads).all():
-                raise SimulationError(
-                    f"{type(hydrodynamics).__name__} gave a load that is not finite at {model.time:.4f} s; "
-                    "halve macro_step."
-                )
+            loads = _loads(hydrodynamics, model.history, lambda: model.predict(macro_step))
             model.advance((n + 1) * macro_step, loads)
             if progress is not None:
                 progress(model.time)
@@ -114,7 +110,22 @@ def simulate(
         raise
     except KeyboardInterrupt:
         raise SimulationInterrupted(model.time, result(f"interrupted at {model.time:.4f} s")) from None
+    except Exception as error:  # of a water model, a maneuver or `progress`: none of them may cost what was computed
+        broken = SimulationError(f"{vehicle.name}: {type(error).__name__} at {model.time:.4f} s: {error}")
+        broken.result = result(f"broke down at {model.time:.4f} s: {error}")
+        raise broken from error
     return result("completed")
+
+
+def _loads(hydrodynamics: Hydrodynamics, history: BodyStates, predict: Callable[[], BodyStates]) -> Array:
+    """Ask the water model, and check its answer."""
+    loads = np.asarray(hydrodynamics.wrenches(history, predict))
+    name, time = type(hydrodynamics).__name__, history.time[-1]
+    if loads.shape != (5, 6):
+        raise SimulationError(f"{name}.wrenches returned shape {loads.shape} at {time:.4f} s; it must return (5, 6).")
+    if not np.isfinite(loads).all():
+        raise SimulationError(f"{name} gave a load that is not finite at {time:.4f} s; halve macro_step.")
+    return loads
 
 
 def _check_steps(duration: float, micro_step: float, macro_step: float, record_step: float) -> None:
@@ -136,7 +147,7 @@ def _check_steps(duration: float, micro_step: float, macro_step: float, record_s
 
 
 def _check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> None:
-    times = np.linspace(0.0, duration, max(round(duration / 1e-2), 2))
+    times = np.arange(0.0, duration + HISTORY_STEP, HISTORY_STEP)
     steering = np.array([maneuver.steering(t) for t in times])
     speed = np.array([maneuver.wheel_speed(t) for t in times])
     if not (np.isfinite(steering).all() and np.isfinite(speed).all()):

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 import xarray as xr
@@ -120,6 +120,10 @@ class CoefficientHydrodynamics:
         self.coefficients = coefficients or Coefficients()
         self.pore_pressure = pore_pressure
         self.added_mass = added_mass
+        self.parameters = {
+            "coefficients": asdict(self.coefficients), "pore_pressure": pore_pressure, "added_mass": added_mass,
+        }  # fmt: skip
+        """What was chosen, as kept in results."""
         self._water: Water | None = None
 
     def start(self, vehicle: Vehicle, water: Water | None, macro_step: float) -> None:
@@ -214,7 +218,8 @@ class CoefficientHydrodynamics:
         """Parts of the loads and the filter's time constants, one sample a macro step; empty without water."""
         if not self._times:
             return {}
-        coords = {"macro_time": self._times, "body": list(BODIES), "component": list(COMPONENTS)}
+        time = xr.Variable("macro_time", self._times, {"units": "s", "long_name": "start of the macro step"})
+        coords = {"macro_time": time, "body": list(BODIES), "component": list(COMPONENTS)}
         parts = np.array(self._parts)
         series = {
             "hydrostatic_load": (parts[:, 0], "N, N m", "hydrostatic part of the water load, body axes"),

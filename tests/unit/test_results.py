@@ -28,7 +28,6 @@ STEPS = {"duration": 0.06, "micro_step": 5e-4, "macro_step": 20e-3}
 # -- content -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.xfail(strict=True, reason="flow_state has units ''; macro_time has neither units nor long_name")
 def test_every_variable_has_units_and_a_name(short_run):
     numbers = [name for name, v in short_run.variables.items() if v.dtype.kind in "fi"]
     assert len(numbers) > 30
@@ -83,7 +82,6 @@ def test_parameters_are_json_that_parses(short_run):
     assert parameters["steps"] == {"duration": 0.2, "micro_step": 5e-4, "macro_step": 20e-3, "record_step": 1e-2}
 
 
-@pytest.mark.xfail(strict=True, reason="CoefficientHydrodynamics is stored by its name only")
 def test_parameters_of_the_water_model_are_kept(vehicle, sand):
     """All parameters: two runs that differ in a drag coefficient or in pore pressure must be told apart."""
     model = CoefficientHydrodynamics(replace(Coefficients(), hull_surge_drag=0.987654), pore_pressure=False)
@@ -92,7 +90,6 @@ def test_parameters_of_the_water_model_are_kept(vehicle, sand):
     assert "pore_pressure" in run.attrs["parameters"]
 
 
-@pytest.mark.xfail(strict=True, reason="a Recorded maneuver is stored by its name only")
 def test_recorded_maneuver_is_kept(vehicle, sand):
     samples = [0.0, 0.1234567, 0.2, 0.3]
     run = simulate(vehicle, sand, None, Recorded([0.0, 1.0, 2.0, 3.0], np.zeros(4), samples), **STEPS)
@@ -234,13 +231,13 @@ def test_saving_over_an_older_result_replaces_it(short_run, tmp_path):
 def test_interrupted_writing_leaves_the_older_result(short_run, tmp_path, monkeypatch, error):
     file = save_dataset(short_run, tmp_path / "run.nc")
     before = file.read_bytes()
-    write = xr.Dataset.to_netcdf
+    write = Path.write_bytes
 
-    def break_off(self, path, *arguments, **options):
-        write(self, path, *arguments, **options)
+    def break_off(self, data):
+        write(self, data)
         raise error
 
-    monkeypatch.setattr(xr.Dataset, "to_netcdf", break_off)
+    monkeypatch.setattr(Path, "write_bytes", break_off)
     with pytest.raises(error):
         save_dataset(short_run.isel(time=slice(0, 5)), file)
     assert file.read_bytes() == before
@@ -268,15 +265,15 @@ def test_killed_writing_leaves_no_half_file(short_run, tmp_path):
 
 def full(folder, monkeypatch, code=errno.ENOSPC):
     """Writing netCDF below `folder` fails as on a full disk."""
-    write = xr.Dataset.to_netcdf
+    write = Path.write_bytes
 
-    def refuse(self, path, *arguments, **options):
-        if folder in Path(path).parents:
-            Path(path).write_bytes(b"half a file")
+    def refuse(self, data):
+        if folder in self.parents:
+            write(self, data[:100])
             raise OSError(code, "No space left on device")
-        return write(self, path, *arguments, **options)
+        return write(self, data)
 
-    monkeypatch.setattr(xr.Dataset, "to_netcdf", refuse)
+    monkeypatch.setattr(Path, "write_bytes", refuse)
 
 
 def test_full_disk_saves_elsewhere_and_says_so(short_run, tmp_path, monkeypatch, caplog):
@@ -287,14 +284,14 @@ def test_full_disk_saves_elsewhere_and_says_so(short_run, tmp_path, monkeypatch,
     full(target, monkeypatch)
     with caplog.at_level(logging.WARNING):
         file = save_dataset(short_run, target / "run.nc")
-    assert file == spare / "run.nc"
+    assert file.name == "run.nc"
+    assert file.parent.parent == spare
     assert list(target.iterdir()) == []
     assert "No space left on device" in caplog.text
     assert str(file) in caplog.text
     xr.testing.assert_identical(load_dataset(file), short_run)
 
 
-@pytest.mark.xfail(strict=True, reason="an older file of the same name in the temporary folder is overwritten")
 def test_fallback_does_not_overwrite_another_result(short_run, tmp_path, monkeypatch):
     """A file of this name may lie in the temporary folder already: someone's only copy."""
     target, spare = tmp_path / "target", tmp_path / "spare"
@@ -313,14 +310,14 @@ def test_full_disk_everywhere_is_an_error(short_run, tmp_path, monkeypatch):
     full(tmp_path, monkeypatch)
     with pytest.raises(OSError, match="No space"):
         save_dataset(short_run, tmp_path / "deep" / "run.nc")
-    assert not (tmp_path / "run.nc").exists()
+    assert list(tmp_path.iterdir()) == [tmp_path / "deep"]
     assert list((tmp_path / "deep").iterdir()) == []
 
 
 def test_missing_folder_saves_elsewhere(short_run, tmp_path, monkeypatch, caplog):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     file = save_dataset(short_run, tmp_path / "absent" / "run.nc")
-    assert file == tmp_path / "run.nc"
+    assert file.parent.parent == tmp_path
     assert "absent" in caplog.text
 
 
@@ -337,7 +334,6 @@ except OSError as error:
 """
 
 
-@pytest.mark.xfail(strict=True, reason="HDF5 objects left over from the failed write crash Python (SIGSEGV, -11)")
 def test_a_real_write_that_fails_is_an_os_error(short_run, tmp_path):
     """What HDF5 itself raises when the file system refuses (file size limited to 30 kB): an OSError, no half file."""
     source = save_dataset(short_run, tmp_path / "source.nc")
