@@ -34,7 +34,7 @@ def limited(a: float, b: float) -> float:
 def face_value(q: Array, p: int, s: int, carry: float, courant: float) -> float:
     """Upwind value between cells p - s and p at half the time step (MUSCL-Hancock)."""
     if carry > 0.0:
-        slope = limited(q[p - s] - q[p - 2 * s], q[p] - q[p - s])
+        slope = limited(q[p - s] - q[p - s - s], q[p] - q[p - s])
         return q[p - s] + 0.5 * (1.0 - courant) * slope
     slope = limited(q[p] - q[p - s], q[p + s] - q[p])
     return q[p] - 0.5 * (1.0 - courant) * slope
@@ -61,27 +61,27 @@ def advect(
         0 x, 1 y, 2 z.
     """
     ny, nz, nx = u.shape
-    sy, sz = nz * nx, nx
+    one, sy, sz = np.uintp(1), np.uintp(nz * nx), np.uintp(nx)  # unsigned: no test for negative indices
     fx, fy, fz = flow[0].ravel(), flow[1].ravel(), flow[2].ravel()
     field = u if axis == 0 else (v if axis == 1 else w)
     q, uf, vf = field.ravel(), u.ravel(), v.ravel()
     carrier = fx if axis == 0 else (fy if axis == 1 else fz)
-    own = 1 if axis == 0 else (sy if axis == 1 else sz)
+    own = one if axis == 0 else (sy if axis == 1 else sz)
     result, is_wet, beta = out.ravel(), wet.ravel(), open_faces.ravel()
     cosine, sine = math.cos(turned), math.sin(turned)
     last = min(top + 5, nz - HALO) + 1
     for j in prange(HALO, ny - HALO + 1):
         for k in range(HALO, last):
             for i in range(HALO, nx - HALO + 1):
-                p = j * sy + k * sz + i
+                p = np.uintp((j * nz + k) * nx + i)
                 here = q[p]
                 value = here
                 if turned != 0.0:
                     if axis == 0:
-                        across = 0.25 * ((vf[p] + vf[p - 1 + sy]) + (vf[p + sy] + vf[p - 1]))
+                        across = 0.25 * ((vf[p] + vf[p - one + sy]) + (vf[p + sy] + vf[p - one]))
                         value = cosine * here + sine * across
                     elif axis == 1:
-                        across = 0.25 * ((uf[p] + uf[p + 1 - sy]) + (uf[p + 1] + uf[p - sy]))
+                        across = 0.25 * ((uf[p] + uf[p + one - sy]) + (uf[p + one] + uf[p - sy]))
                         value = cosine * here - sine * across
                 if (is_wet[p] or is_wet[p - own]) and beta[p] > 0.0:
                     # along the component itself: between cell centres
@@ -91,10 +91,10 @@ def advect(
                     change -= low * (face_value(q, p, own, low, abs(low) * dt / width) - here)
                     rate = change / width
                     if axis != 0:
-                        low, high = 0.5 * (fx[p - own] + fx[p]), 0.5 * (fx[p - own + 1] + fx[p + 1])
+                        low, high = 0.5 * (fx[p - own] + fx[p]), 0.5 * (fx[p - own + one] + fx[p + one])
                         width = metrics.dx[i]
-                        change = high * (face_value(q, p + 1, 1, high, abs(high) * dt / width) - here)
-                        change -= low * (face_value(q, p, 1, low, abs(low) * dt / width) - here)
+                        change = high * (face_value(q, p + one, one, high, abs(high) * dt / width) - here)
+                        change -= low * (face_value(q, p, one, low, abs(low) * dt / width) - here)
                         rate += change / width
                     if axis != 1:
                         low, high = 0.5 * (fy[p - own] + fy[p]), 0.5 * (fy[p - own + sy] + fy[p + sy])

@@ -412,23 +412,22 @@ def _place_row(
         for i in range(region[4], region[5]):
             dx = metrics.dx[i]
             x, y, z = metrics.xc[i] - position[0], metrics.yc[j] - position[1], metrics.zc[k] - position[2]
-            center, _ = _distance_in_widths(kind, parameters, samples, rotation, x, y, z, dx, dy, dz)
+            center, widths = _distance_in_widths(kind, parameters, samples, rotation, x, y, z, dx, dy, dz)
             if center < openness.distance[j, k, i]:
                 openness.distance[j, k, i] = center
                 openness.nearest[j, k, i] = number
-            reach = 1.8 * max(dx, dy, dz)  # half a cell to the face, and the widest ramp
-            if center > reach:
+            if widths > 1.35:  # half a cell to the face, three quarters of the ramp, and something for curvature
                 continue
             for axis in range(3):
                 x = (metrics.xf[i] if axis == 0 else metrics.xc[i]) - position[0]
                 y = (metrics.yf[j] if axis == 1 else metrics.yc[j]) - position[1]
                 z = (metrics.zf[k] if axis == 2 else metrics.zc[k]) - position[2]
                 value = 0.0
-                if center > -reach:
+                if widths > -1.35:
                     _, share = _distance_in_widths(kind, parameters, samples, rotation, x, y, z, dx, dy, dz)
-                    if share >= 1.0:
+                    if share >= 0.8:
                         continue
-                    if share > -1.0:
+                    if share > -0.8:
                         for n in range(8):
                             _, part = _distance_in_widths(
                                 kind, parameters, samples, rotation, x + (0.5 * (n & 1) - 0.25) * dx,

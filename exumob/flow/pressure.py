@@ -270,42 +270,72 @@ def coarsen(fine: Level, coarse: Level, top: int) -> None:
 def relax_lines(level: Level, color: int, top: int) -> None:
     """Solve the vertical lines of one colour of the checkerboard with the others held."""
     ny, nz, nx = level.x.shape
-    x = level.x  # Numba drops writes through a tuple inside prange
+    sy, sz = np.uintp(nz * nx), np.uintp(nx)
+    ax, ay, az = level.ax.ravel(), level.ay.ravel(), level.az.ravel()
+    pivot, x, b = level.pivot.ravel(), level.x.ravel(), level.b.ravel()
     for j in prange(HALO, ny - HALO):
-        first = HALO + (j + color) % 2
         for k in range(HALO, top + 1):
-            for i in range(first, nx - HALO, 2):
-                value = (
-                    level.b[j, k, i]
-                    + level.ax[j, k, i] * x[j, k, i - 1] + level.ax[j, k, i + 1] * x[j, k, i + 1]
-                    + level.ay[j, k, i] * x[j - 1, k, i] + level.ay[j + 1, k, i] * x[j + 1, k, i]
-                )  # fmt: skip
-                if k > HALO:
-                    value += level.az[j, k, i] * x[j, k - 1, i]
-                x[j, k, i] = value * level.pivot[j, k, i]
+            begin = (j * nz + k) * nx
+            first = begin + HALO + (j + color) % 2
+            _relax_row(first, begin + nx - HALO, sy, sz, k > HALO, ax, ay, az, pivot, x, b)
         for k in range(top - 1, HALO - 1, -1):
-            for i in range(first, nx - HALO, 2):
-                x[j, k, i] += level.pivot[j, k, i] * level.az[j, k + 1, i] * x[j, k + 1, i]
+            begin = (j * nz + k) * nx
+            first = begin + HALO + (j + color) % 2
+            for i in range(first, begin + nx - HALO, 2):
+                p = np.uintp(i)
+                x[p] += pivot[p] * az[p + sz] * x[p + sz]
+
+
+@njit(cache=True, error_model="numpy")
+def _relax_row(
+    first: int, last: int, sy: int, sz: int, above: bool, ax: Single, ay: Single, az: Single, pivot: Single, x: Single,
+    b: Single,
+) -> None:  # fmt: skip
+    """Forward substitution of `relax_lines` for every second cell of a row.
+
+    Flat unsigned indices, here and below: Numba then leaves out its test for negative ones and uses vector instructions.
+    """
+    one = np.uintp(1)
+    if above:
+        for i in range(first, last, 2):
+            p = np.uintp(i)
+            value = b[p] + ax[p] * x[p - one] + ax[p + one] * x[p + one] + ay[p] * x[p - sy] + ay[p + sy] * x[p + sy]
+            x[p] = (value + az[p] * x[p - sz]) * pivot[p]
+    else:
+        for i in range(first, last, 2):
+            p = np.uintp(i)
+            value = b[p] + ax[p] * x[p - one] + ax[p + one] * x[p + one] + ay[p] * x[p - sy] + ay[p + sy] * x[p + sy]
+            x[p] = value * pivot[p]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def line_residual(level: Level, top: int) -> None:
     """Residual r = b - A x; 0 where there is no unknown."""
-    ny, _, nx = level.x.shape
-    r = level.r  # Numba drops writes through a tuple inside prange
+    ny, nz, nx = level.x.shape
+    sy, sz = np.uintp(nz * nx), np.uintp(nx)
+    ax, ay, az, extra = level.ax.ravel(), level.ay.ravel(), level.az.ravel(), level.extra.ravel()
+    pivot, x, b, r = level.pivot.ravel(), level.x.ravel(), level.b.ravel(), level.r.ravel()
     for j in prange(HALO, ny - HALO):
         for k in range(HALO, top + 1):
-            for i in range(HALO, nx - HALO):
-                x = level.x[j, k, i]
-                rest = level.b[j, k, i] - level.extra[j, k, i] * x
-                rest += level.ax[j, k, i] * (level.x[j, k, i - 1] - x)
-                rest += level.ax[j, k, i + 1] * (level.x[j, k, i + 1] - x)
-                rest += level.ay[j, k, i] * (level.x[j - 1, k, i] - x)
-                rest += level.ay[j + 1, k, i] * (level.x[j + 1, k, i] - x)
-                rest += level.az[j, k, i] * (level.x[j, k - 1, i] - x)
-                if k < top:
-                    rest += level.az[j, k + 1, i] * (level.x[j, k + 1, i] - x)
-                r[j, k, i] = rest if level.pivot[j, k, i] > np.float32(0.0) else np.float32(0.0)
+            begin = (j * nz + k) * nx
+            _residual_row(begin + HALO, begin + nx - HALO, sy, sz, ax, ay, az, extra, pivot, x, b, r)
+
+
+@njit(cache=True, error_model="numpy")
+def _residual_row(
+    first: int, last: int, sy: int, sz: int, ax: Single, ay: Single, az: Single, extra: Single, pivot: Single,
+    x: Single, b: Single, r: Single,
+) -> None:  # fmt: skip
+    """Row of `line_residual`."""
+    one = np.uintp(1)
+    for i in range(first, last):
+        p = np.uintp(i)
+        h = x[p]
+        rest = b[p] - extra[p] * h
+        rest += ax[p] * (x[p - one] - h) + ax[p + one] * (x[p + one] - h)
+        rest += ay[p] * (x[p - sy] - h) + ay[p + sy] * (x[p + sy] - h)
+        rest += az[p] * (x[p - sz] - h) + az[p + sz] * (x[p + sz] - h)
+        r[p] = rest if pivot[p] > np.float32(0.0) else np.float32(0.0)
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
@@ -345,23 +375,35 @@ def prolong(fine: Level, coarse: Level, top: int) -> None:
 @njit(cache=True, error_model="numpy", parallel=True)
 def multiply(level: Level, x: Array, out: Array, top: int, sums: Array) -> None:
     """Product A x in double precision and, per row j, the dot product of x and A x."""
-    ny, _, nx = x.shape
+    ny, nz, nx = x.shape
+    sy, sz = np.uintp(nz * nx), np.uintp(nx)
+    ax, ay, az, extra = level.ax.ravel(), level.ay.ravel(), level.az.ravel(), level.extra.ravel()
+    q, product = x.ravel(), out.ravel()
     for j in prange(HALO, ny - HALO):
         total = 0.0
         for k in range(HALO, top + 1):
-            for i in range(HALO, nx - HALO):
-                here = x[j, k, i]
-                value = level.extra[j, k, i] * here
-                value += level.ax[j, k, i] * (here - x[j, k, i - 1])
-                value += level.ax[j, k, i + 1] * (here - x[j, k, i + 1])
-                value += level.ay[j, k, i] * (here - x[j - 1, k, i])
-                value += level.ay[j + 1, k, i] * (here - x[j + 1, k, i])
-                value += level.az[j, k, i] * (here - x[j, k - 1, i])
-                if k < top:
-                    value += level.az[j, k + 1, i] * (here - x[j, k + 1, i])
-                out[j, k, i] = value
-                total += here * value
+            begin = (j * nz + k) * nx
+            total += _multiply_row(begin + HALO, begin + nx - HALO, sy, sz, ax, ay, az, extra, q, product)
         sums[j] = total
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc"})
+def _multiply_row(
+    first: int, last: int, sy: int, sz: int, ax: Single, ay: Single, az: Single, extra: Single, x: Array, out: Array
+) -> float:
+    """Row of `multiply`."""
+    one = np.uintp(1)
+    total = 0.0
+    for i in range(first, last):
+        p = np.uintp(i)
+        h = x[p]
+        value = extra[p] * h
+        value += ax[p] * (h - x[p - one]) + ax[p + one] * (h - x[p + one])
+        value += ay[p] * (h - x[p - sy]) + ay[p + sy] * (h - x[p + sy])
+        value += az[p] * (h - x[p - sz]) + az[p + sz] * (h - x[p + sz])
+        out[p] = value
+        total += h * value
+    return total
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
@@ -369,19 +411,33 @@ def first_residual(
     level: Level, rhs: Array, x: Array, product: Array, residual: Array, metrics: Metrics, top: int, worst: Array
 ) -> None:
     """Residual rhs - A x as start of the conjugate gradients; per row j its largest share of a cell's volume [1/s]."""
-    ny, _, nx = x.shape
-    b = level.b  # Numba drops writes through a tuple inside prange
+    ny, nz, nx = x.shape
+    pivot, b = level.pivot.ravel(), level.b.ravel()
+    right, image, rest = rhs.ravel(), product.ravel(), residual.ravel()
     for j in prange(HALO, ny - HALO):
-        largest = 0.0
         for k in range(HALO, top + 1):
-            for i in range(HALO, nx - HALO):
-                value = rhs[j, k, i] - product[j, k, i] if level.pivot[j, k, i] > 0.0 else 0.0
-                residual[j, k, i] = value
-                b[j, k, i] = value
-                share = abs(value) / (metrics.dx[i] * metrics.dy[j] * metrics.dz[k])
-                if not share <= largest:
-                    largest = share
-        worst[j] = largest
+            begin = (j * nz + k) * nx
+            for i in range(begin + HALO, begin + nx - HALO):
+                p = np.uintp(i)
+                value = right[p] - image[p] if pivot[p] > 0.0 else 0.0
+                rest[p] = value
+                b[p] = value
+        worst[j] = _largest_share(j, residual, metrics, top)
+
+
+@njit(cache=True, error_model="numpy")
+def _largest_share(j: int, residual: Array, metrics: Metrics, top: int) -> float:
+    """Largest residual of row j over its cell's volume [1/s]; infinite if one is not a number."""
+    nx = residual.shape[2]
+    largest, total = 0.0, 0.0
+    for k in range(HALO, top + 1):
+        row, widths = residual[j, k, HALO : nx - HALO], metrics.dx[HALO : nx - HALO]
+        share = 1.0 / (metrics.dy[j] * metrics.dz[k])
+        for i in range(len(row)):
+            size = abs(row[i]) * share / widths[i]
+            largest = size if size > largest else largest
+            total += size
+    return largest if total < np.inf else np.inf
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
@@ -390,42 +446,46 @@ def advance_solution(
     top: int, worst: Array,
 ) -> None:  # fmt: skip
     """x += alpha direction, residual -= alpha product; per row j the largest residual share of a volume [1/s]."""
-    ny, _, nx = x.shape
-    b = level.b  # Numba drops writes through a tuple inside prange
+    ny, nz, nx = x.shape
+    b, q, along, image, rest = level.b.ravel(), x.ravel(), direction.ravel(), product.ravel(), residual.ravel()
     for j in prange(HALO, ny - HALO):
-        largest = 0.0
         for k in range(HALO, top + 1):
-            for i in range(HALO, nx - HALO):
-                x[j, k, i] += alpha * direction[j, k, i]
-                value = residual[j, k, i] - alpha * product[j, k, i]
-                residual[j, k, i] = value
-                b[j, k, i] = value
-                share = abs(value) / (metrics.dx[i] * metrics.dy[j] * metrics.dz[k])
-                if not share <= largest:
-                    largest = share
-        worst[j] = largest
+            begin = (j * nz + k) * nx
+            for i in range(begin + HALO, begin + nx - HALO):
+                p = np.uintp(i)
+                q[p] += alpha * along[p]
+                value = rest[p] - alpha * image[p]
+                rest[p] = value
+                b[p] = value
+        worst[j] = _largest_share(j, residual, metrics, top)
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
+@njit(cache=True, error_model="numpy", parallel=True, fastmath={"reassoc"})
 def dot_rows(level: Level, residual: Array, top: int, sums: Array) -> None:
     """Per row j the dot product of the residual and the preconditioned residual."""
-    ny, _, nx = residual.shape
+    ny, nz, nx = residual.shape
+    x, rest = level.x.ravel(), residual.ravel()
     for j in prange(HALO, ny - HALO):
         total = 0.0
         for k in range(HALO, top + 1):
-            for i in range(HALO, nx - HALO):
-                total += residual[j, k, i] * level.x[j, k, i]
+            begin = (j * nz + k) * nx
+            for i in range(begin + HALO, begin + nx - HALO):
+                p = np.uintp(i)
+                total += rest[p] * x[p]
         sums[j] = total
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def new_direction(level: Level, direction: Array, beta: float, top: int) -> None:
     """Conjugate direction: preconditioned residual plus beta times the last direction."""
-    ny, _, nx = direction.shape
+    ny, nz, nx = direction.shape
+    x, along = level.x.ravel(), direction.ravel()
     for j in prange(HALO, ny - HALO):
         for k in range(HALO, top + 1):
-            for i in range(HALO, nx - HALO):
-                direction[j, k, i] = level.x[j, k, i] + beta * direction[j, k, i]
+            begin = (j * nz + k) * nx
+            for i in range(begin + HALO, begin + nx - HALO):
+                p = np.uintp(i)
+                along[p] = x[p] + beta * along[p]
 
 
 class Outcome(NamedTuple):
@@ -456,6 +516,11 @@ def solve(
     closed : bool
         Whether there may be no surface at all: phi is then defined up to a constant and the sources must sum to 0.
     """
+    for level in levels.levels:  # nothing couples upwards from the highest wet layer
+        level.az[:, top + 1] = 0.0
+        level.x[:, top + 1] = 0.0
+    phi[:, top + 1] = 0.0
+    levels.direction[:, top + 1] = 0.0
     levels.prepare(top)
     fine = levels.levels[0]
     if closed and not fine.extra.any():

@@ -110,23 +110,23 @@ def add_stress(
 ) -> None:  # fmt: skip
     """Add dt times the divergence of nu (grad u + grad u^T) to one velocity component on wet, open faces."""
     ny, nz, nx = u.shape
-    sy, sz = nz * nx, nx
+    one, sy, sz = np.uintp(1), np.uintp(nz * nx), np.uintp(nx)
     uf, vf, wf, nu = u.ravel(), v.ravel(), w.ravel(), viscosity.ravel()
     result, is_wet, beta = out.ravel(), wet.ravel(), open_faces.ravel()
     m = metrics
     if axis == 0:  # the component, and its two directions across: stride, other component, widths, distances
-        own, q, own_d, own_e = 1, uf, m.dx, m.ex
+        own, q, own_d, own_e = one, uf, m.dx, m.ex
         sa, other_a, da, ea, sb, other_b, db, eb = sy, vf, m.dy, m.ey, sz, wf, m.dz, m.ez
     elif axis == 1:
         own, q, own_d, own_e = sy, vf, m.dy, m.ey
-        sa, other_a, da, ea, sb, other_b, db, eb = 1, uf, m.dx, m.ex, sz, wf, m.dz, m.ez
+        sa, other_a, da, ea, sb, other_b, db, eb = one, uf, m.dx, m.ex, sz, wf, m.dz, m.ez
     else:
         own, q, own_d, own_e = sz, wf, m.dz, m.ez
-        sa, other_a, da, ea, sb, other_b, db, eb = 1, uf, m.dx, m.ex, sy, vf, m.dy, m.ey
+        sa, other_a, da, ea, sb, other_b, db, eb = one, uf, m.dx, m.ex, sy, vf, m.dy, m.ey
     for j in prange(HALO, ny - HALO + 1):
         for k in range(HALO, min(top + 1, nz - HALO) + 1):
             for i in range(HALO, nx - HALO + 1):
-                p = j * sy + k * sz + i
+                p = np.uintp((j * nz + k) * nx + i)
                 if not ((is_wet[p] or is_wet[p - own]) and beta[p] > 0.0):
                     continue
                 o = i if axis == 0 else (j if axis == 1 else k)
