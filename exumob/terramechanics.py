@@ -65,10 +65,12 @@ CLUSTERING = 3
 
 
 def _clustered_nodes(count: int, power: int) -> tuple[Array, Array]:
-    """Nodes t^p and weights p t^(p-1) w_t on (0, 1)."""
+    """Nodes and weights on (0, 1), shape (2, count): row 0 clustered at 0 (t^p), row 1 at both ends (quintic step)."""
     t, weight = np.polynomial.legendre.leggauss(count)
-    t = 0.5 * (t + 1.0)
-    return t**power, 0.5 * weight * power * t ** (power - 1)
+    t, weight = 0.5 * (t + 1.0), 0.5 * weight
+    positions = np.array([t**power, t**3 * (10.0 - 15.0 * t + 6.0 * t * t)])
+    weights = weight * np.array([power * t ** (power - 1), 30.0 * (t * (1.0 - t)) ** 2])
+    return positions, weights
 
 
 _POSITION, _WEIGHT = _clustered_nodes(NODES, CLUSTERING)
@@ -248,6 +250,7 @@ def _add_patch_forces(
         splits[k] = (theta_f - kink) / front if kink > theta_m else (kink - theta_r) / rear
     splits[:count].sort()
     splits[count] = 1.0
+    kind = 1 if count > 0 else 0
     force_x = force_y = force_z = torque = moment_x = moment_z = 0.0
     pressures = np.empty(NODES)
     for part in range(count + 1):
@@ -255,14 +258,15 @@ def _add_patch_forces(
         extent = splits[part] - start
         for k in range(NODES):
             pressures[k] = (
-                pressure_factor * max(_cosine(theta_f - front * (start + extent * _POSITION[k])) - cos_f, 0.0) ** n
+                pressure_factor
+                * max(_cosine(theta_f - front * (start + extent * _POSITION[kind, k])) - cos_f, 0.0) ** n
             )
         for region in range(2):
             theta_0 = theta_f - front * start if region == 0 else theta_r + rear * start
             span = (-front if region == 0 else rear) * extent
             for k in range(NODES):
-                theta = theta_0 + span * _POSITION[k]
-                length = abs(span) * _WEIGHT[k]
+                theta = theta_0 + span * _POSITION[kind, k]
+                length = abs(span) * _WEIGHT[kind, k]
                 sin_t, cos_t = _sine(theta), _cosine(theta)
                 pressure = pressures[k]
                 strength = cohesion + tan_phi * pressure

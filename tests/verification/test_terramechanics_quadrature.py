@@ -136,7 +136,8 @@ def test_kernel_agrees_with_adaptive_quadrature(regime):
             row.soil, rebound_ratio=rng.choice([0.0, 0.0, 0.1, 0.5]), shear_limit=rng.choice(["per_axis", "resultant"])
         )
         errors.append(error(soil, *random_state(rng, regime)))
-    assert max(errors) < 1e-5
+    # with moving patches at standstill the shear flips within 0.1 degrees: the limit there is the method's 1e-4
+    assert max(errors) < (1e-4 if "rest" in regime else 1e-5)
 
 
 def test_sharp_reversal_of_the_shear():
@@ -150,11 +151,13 @@ def test_reece_form():
     assert error(soil, 0.627, 0.152, 0.12, (0.5, 0.05, 0.0), (1.0, 0.0, 0.0)) < 1e-6
 
 
-def test_error_falls_with_the_number_of_nodes():
+@pytest.mark.parametrize("clustering", ["one end", "both ends"])
+def test_error_falls_with_the_number_of_nodes(clustering):
     """At the most singular exponent of the table (n = 0.11), where the end of the patch limits the order."""
     worst = []
     for count in (6, 10, 14, 18):
-        position, weight = terramechanics._clustered_nodes(count, terramechanics.CLUSTERING)
+        positions, weights = terramechanics._clustered_nodes(count, terramechanics.CLUSTERING)
+        position, weight = (a[int(clustering == "both ends")] for a in (positions, weights))
         exact = 1.0 / (0.11 + 1.0)
         worst.append(abs(float(weight @ position**0.11) - exact) / exact)
     assert all(b < a for a, b in pairwise(worst))
