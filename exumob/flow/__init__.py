@@ -1,8 +1,8 @@
 """Free-surface flow solver: the high-fidelity water model (paper, Sec. 2.1).
 
-    solver = FlowSolver(grid, solids, water, settings)
-    solver.start(poses)
-    loads = solver.advance(time, poses)
+solver = FlowSolver(grid, solids, water, settings)
+solver.start(poses)
+loads = solver.advance(time, poses)
 """
 
 from exumob.flow.body import Poses, Solid, box, cylinder, hull_prism, mesh_solid, prism, sphere, vehicle_solids

@@ -1,6 +1,7 @@
 """Transport of momentum over the moving grid.
 
-The velocity is absolute, in the grid's axes; what carries it is the velocity relative to the grid, on full faces, solids
+The velocity is absolute, in the grid's axes; what carries it is the velocity relative to the grid, on full faces,
+solids
 included. In this form -(1/V) sum of flux (u_face - u) a uniform current stays uniform to round-off whatever the
 grid does.
 """
@@ -113,9 +114,7 @@ def advect(
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def full_velocity(
-    cx: Array, cy: Array, cz: Array, u: Array, v: Array, w: Array, solids: Openness, top: int
-) -> None:
+def full_velocity(cx: Array, cy: Array, cz: Array, u: Array, v: Array, w: Array, solids: Openness, top: int) -> None:
     """Velocity on full faces: water where they are open, the solid where they are closed [m/s]."""
     ny, nz, nx = u.shape
     for j in prange(1, ny - 1):
@@ -144,10 +143,8 @@ def relative_velocity(
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def largest_courant(
-    rx: Array, ry: Array, rz: Array, fraction: Array, metrics: Metrics, top: int, rates: Array
-) -> None:
-    """Per row j the largest sum of speed over width in a cell holding water [1/s]; infinite if a value is not a number."""
+def largest_courant(rx: Array, ry: Array, rz: Array, fraction: Array, metrics: Metrics, top: int, rates: Array) -> None:
+    """Per row j the largest sum of speed over width in a cell with water [1/s]; infinite if it is not a number."""
     ny, nz, nx = rx.shape
     for j in prange(HALO, ny - HALO):
         largest = 0.0

@@ -236,11 +236,13 @@ class Openness(NamedTuple):
     @classmethod
     def open(cls, shape: tuple[int, int, int]) -> Openness:
         """No solids."""
-        faces = [np.ones(shape) for _ in range(3)] + [np.zeros(shape) for _ in range(3)]
-        return cls(*faces, np.full(shape, FAR), np.full(shape, -1, dtype=np.int8))
+        return cls(
+            np.ones(shape), np.ones(shape), np.ones(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape),
+            np.full(shape, FAR), np.full(shape, -1, dtype=np.int8),
+        )  # fmt: skip
 
 
-def clear(openness: Openness, region: Array) -> None:
+def clear(openness: Openness, region: NDArray[np.int64]) -> None:
     """Remove all solids from an index box (j0, j1, k0, k1, i0, i1)."""
     j0, j1, k0, k1, i0, i1 = region
     for name, value in zip(Openness._fields, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0, FAR, -1), strict=True):
@@ -355,7 +357,16 @@ def _sampled(parameters: Array, samples: Array, x: float, y: float, z: float) ->
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _distance_in_widths(
-    kind: int, parameters: Array, samples: Array, r: Array, x: float, y: float, z: float, dx: float, dy: float, dz: float
+    kind: int,
+    parameters: Array,
+    samples: Array,
+    r: Array,
+    x: float,
+    y: float,
+    z: float,
+    dx: float,
+    dy: float,
+    dz: float,
 ) -> tuple[float, float]:
     """Signed distance of a point (grid axes, from the solid's origin) in metres and in cell widths along the normal."""
     d, nx, ny, nz = measure(
@@ -372,8 +383,8 @@ def _distance_in_widths(
 def ramp(s: float) -> float:
     """Openness for a signed distance over its range: 0 below -1, 1 above 1, smooth between.
 
-    The mean of two such ramps, each half a cell wide either way and a quarter of a cell off centre, sums over equidistant
-    faces to a value that does not depend on where between them the wall is.
+    The mean of two such ramps, each half a cell wide either way and a quarter of a cell off centre, sums over
+    equidistant faces to a value that does not depend on where between them the wall is.
     """
     if s <= -1.0:
         return 0.0
@@ -389,12 +400,23 @@ def place_solid(
 ) -> None:  # fmt: skip
     """Close what a solid closes; pose and velocity in grid axes [m, m/s, rad/s].
 
-    The openness is the mean over eight points a quarter of a cell off the face's centre: the ramp is then about 1.5 half
-    cells wide either way, and edges of the solid keep their volume.
+    The openness is the mean over eight points a quarter of a cell off the face's centre: the ramp is then about 1.5
+    half cells wide either way, and edges of the solid keep their volume.
     """
     for j in prange(region[0], region[1]):
         _place_row(
-            j, number, kind, parameters, samples, position, rotation, velocity, angular_velocity, region, metrics, openness
+            j,
+            number,
+            kind,
+            parameters,
+            samples,
+            position,
+            rotation,
+            velocity,
+            angular_velocity,
+            region,
+            metrics,
+            openness,
         )
 
 

@@ -64,13 +64,11 @@ def fill_fraction(fraction: Array, still: Array, far_x: bool, far_y: bool) -> No
 
 
 @njit(cache=True, error_model="numpy")
-def fill_velocity(
-    u: Array, v: Array, w: Array, far: Array, far_x: bool, far_y: bool, closed_top: bool
-) -> None:
+def fill_velocity(u: Array, v: Array, w: Array, far: Array, far_x: bool, far_y: bool, closed_top: bool) -> None:
     """Set the velocity on the window's sides and in the halo.
 
-    Far sides carry the undisturbed flow `far` (grid axes [m/s], shape (3,)); walls, the bed and a closed top let nothing
-    through and slip freely; an open top repeats the layer below.
+    Far sides carry the undisturbed flow `far` (grid axes [m/s], shape (3,)); walls, the bed and a closed top let
+    nothing through and slip freely; an open top repeats the layer below.
     """
     ny, nz, nx = u.shape
     for j in range(ny):
@@ -123,9 +121,7 @@ def fill_velocity(
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def relax_velocity(
-    u: Array, v: Array, w: Array, far: Array, rate_x: Array, rate_y: Array, dt: float, top: int
-) -> None:
+def relax_velocity(u: Array, v: Array, w: Array, far: Array, rate_x: Array, rate_y: Array, dt: float, top: int) -> None:
     """Draw the velocity towards the undisturbed flow, implicitly, at the larger of two rates [1/s] per column."""
     ny, nz, nx = u.shape
     for j in prange(HALO, ny - HALO + 1):
@@ -309,14 +305,15 @@ def slip(
     """
     ny, nz, nx = wet.shape
     d = solids.distance
-    strides = (1, nz * nx, nx)
     for n in range(len(regions)):
         for j in range(max(regions[n, 0], HALO), min(regions[n, 1], ny - HALO)):
             for k in range(max(regions[n, 2], HALO), min(regions[n, 3], nz - HALO)):
                 for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
                     for axis in range(3):
                         beta = (
-                            solids.bx[j, k, i] if axis == 0 else (solids.by[j, k, i] if axis == 1 else solids.bz[j, k, i])
+                            solids.bx[j, k, i]
+                            if axis == 0
+                            else (solids.by[j, k, i] if axis == 1 else solids.bz[j, k, i])
                         )
                         if beta >= BLENDED or (axis == 2 and k == HALO):
                             continue

@@ -32,8 +32,8 @@ def pressure_loads(
 ) -> None:  # fmt: skip
     """Sum over cells of pressure times what the low face is more open than the high face, per solid.
 
-    Cells of the halo below the bed hold saturated soil with hydrostatic pressure, so that a wheel sunk into it floats as
-    Archimedes says.
+    Cells of the halo below the bed hold saturated soil with hydrostatic pressure, so that a wheel sunk into it
+    floats as Archimedes says.
 
     Parameters
     ----------
@@ -122,7 +122,11 @@ def wall_shear(
                     if area < 1e-3 * dx * dy or b0 + b1 == 0.0 or b2 + b3 == 0.0 or b4 + b5 == 0.0:
                         continue
                     gx, gy, gz = ax / area, ay / area, az / area
-                    x, y, z = metrics.xc[i] - position[n, 0], metrics.yc[j] - position[n, 1], metrics.zc[k] - position[n, 2]
+                    x, y, z = (
+                        metrics.xc[i] - position[n, 0],
+                        metrics.yc[j] - position[n, 1],
+                        metrics.zc[k] - position[n, 2],
+                    )
                     ox = angular_velocity[n, 0] + spin_velocity[n, 0]
                     oy = angular_velocity[n, 1] + spin_velocity[n, 1]
                     oz = angular_velocity[n, 2] + spin_velocity[n, 2]
@@ -147,9 +151,7 @@ def wall_shear(
 
 
 @njit(cache=True, error_model="numpy")
-def add_and_clear(
-    out: tuple[Array, Array, Array], du: tuple[Array, Array, Array], regions: NDArray[np.int64]
-) -> None:
+def add_and_clear(out: tuple[Array, Array, Array], du: tuple[Array, Array, Array], regions: NDArray[np.int64]) -> None:
     """Add the changes gathered in the solids' index boxes to the velocity and set them back to 0."""
     for n in range(len(regions)):
         for axis in range(3):

@@ -25,7 +25,8 @@ HALO = 2
 
 class Metrics(NamedTuple):
     """Coordinates and widths [m], halo included; one array an axis: low faces f (one longer), centres c, widths d,
-    distances e from the centre before."""
+    distances e from the centre before.
+    """
 
     xf: Array
     xc: Array
@@ -102,7 +103,13 @@ class Grid:
         require_positive("Grid.stretched", cell_size=cell_size)
         require_within("Grid.stretched", 1.0, 1.1, "strong stretching slows the pressure solver.", growth=growth)
         corners = [np.asarray(c, dtype=float) for c in (low, core_low, core_high, high)]
-        return cls(*(graded_faces(*(float(c[a]) for c in corners), cell_size, growth) for a in range(3)))
+        outer_low, inner_low, inner_high, outer_high = corners
+        return cls(
+            *(
+                graded_faces(outer_low[a], inner_low[a], inner_high[a], outer_high[a], cell_size, growth)
+                for a in range(3)
+            )
+        )
 
     @classmethod
     def around_vehicle(
@@ -130,7 +137,8 @@ class Grid:
         side = max(0.5 * hull.width, 0.5 * (vehicle.track + wheel.width) + 0.3 * wheel.diameter) + 0.06
         if ahead < front or behind < -rear or aside < side:
             raise ValueError(
-                f"Grid.around_vehicle: the window ({ahead:g} m ahead, {behind:g} m behind, {aside:g} m aside) is smaller than "
+                f"Grid.around_vehicle: the window ({ahead:g} m ahead, {behind:g} m behind, {aside:g} m "
+                f"aside) is smaller than "
                 f"the vehicle with its margin ({front:.2f}, {-rear:.2f}, {side:.2f} m)."
             )
         return cls.stretched(

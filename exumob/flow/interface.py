@@ -1,8 +1,8 @@
 """Free surface: fraction of water per cell, its transport, and where the surface cuts the line between two cells.
 
 Conservative volume of fluid by directional sweeps (Weymouth & Yue, J. Comput. Phys. 229 (2010) 2853), with THINC fluxes
-weighted by the surface's orientation (Xiao et al. 2005; Yokoi, J. Comput. Phys. 226 (2007) 1985). The fraction lives on full
-cells, inside solids too; what solids hold is refilled from the water beside them.
+weighted by the surface's orientation (Xiao et al. 2005; Yokoi, J. Comput. Phys. 226 (2007) 1985). The fraction lives
+on full cells, inside solids too; what solids hold is refilled from the water beside them.
 """
 
 from __future__ import annotations
@@ -154,9 +154,7 @@ def thinc_flux(c: float, rising: float, courant: float) -> float:
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def sweep_fluxes(
-    fraction: Array, flow: Array, axis: int, top: int, dt: float, metrics: Metrics, flux: Array
-) -> None:
+def sweep_fluxes(fraction: Array, flow: Array, axis: int, top: int, dt: float, metrics: Metrics, flux: Array) -> None:
     """Volume of water through each low face along one axis, per face area [m].
 
     Parameters
@@ -326,8 +324,8 @@ def release_surface(
 ) -> None:  # fmt: skip
     """Undo what the closed part of cut cells carried along the wall.
 
-    The fraction moves with the solid where a cell is closed; a wall that slides through the surface would drag it along by
-    that share of the cell and take water out of the open part. Only the motion through the wall moves water.
+    The fraction moves with the solid where a cell is closed; a wall that slides through the surface would drag it
+    along by that share of the cell and take water out of the open part. Only the motion through the wall moves water.
 
     Parameters
     ----------

@@ -293,7 +293,8 @@ def _relax_row(
 ) -> None:  # fmt: skip
     """Forward substitution of `relax_lines` for every second cell of a row.
 
-    Flat unsigned indices, here and below: Numba then leaves out its test for negative ones and uses vector instructions.
+    Flat unsigned indices, here and below: Numba then leaves out its test for negative ones and uses vector
+    instructions.
     """
     one = np.uintp(1)
     if above:
@@ -445,7 +446,7 @@ def advance_solution(
     level: Level, x: Array, direction: Array, product: Array, residual: Array, alpha: float, metrics: Metrics,
     top: int, worst: Array,
 ) -> None:  # fmt: skip
-    """x += alpha direction, residual -= alpha product; per row j the largest residual share of a volume [1/s]."""
+    """Step x += alpha direction, residual -= alpha product; per row j the largest residual share of a volume [1/s]."""
     ny, nz, nx = x.shape
     b, q, along, image, rest = level.b.ravel(), x.ravel(), direction.ravel(), product.ravel(), residual.ravel()
     for j in prange(HALO, ny - HALO):
@@ -601,5 +602,3 @@ def project(
                     elif there:
                         height = metrics.zc[k - 1] + tz[j, k, i] * metrics.ez[k]
                         w[j, k, i] -= (g * (height - level) - phi[j, k - 1, i]) / (tz[j, k, i] * metrics.ez[k])
-
-

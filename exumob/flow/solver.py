@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exumob.checks import require_positive, require_within
-from exumob.environment import Water
+from exumob.environment import GRAVITY, Water
 from exumob.errors import SimulationError
 from exumob.flow import advection, boundary, forces, interface, pressure, turbulence
 from exumob.flow.body import Openness, Poses, Solid, clear, index_region, place_solid
@@ -24,6 +24,9 @@ log = logging.getLogger(__name__)
 
 SWEEPS = ((0, 1, 2), (2, 1, 0), (1, 2, 0), (0, 2, 1), (2, 0, 1), (1, 0, 2))
 """Orders of the three sweeps that carry the fraction, in turn."""
+DEFAULT_CLOSURE = turbulence.Smagorinsky()
+CALM_STEPS = 100
+"""Steps after which a divided interval is tried undivided again."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ class FlowSettings:
     absorbing_width: float = 0.6
     absorbing_rate: float = 20.0
     closed_top: bool = False
-    closure: turbulence.Closure | None = turbulence.Smagorinsky()
+    closure: turbulence.Closure | None = DEFAULT_CLOSURE
     viscosity: float = turbulence.MOLECULAR_VISCOSITY
     wall_shear: bool = True
     pore_pressure: bool = True
@@ -108,7 +111,8 @@ class FlowSettings:
         )  # fmt: skip
         if self.follow is not None and not (self.far_x and self.far_y):
             raise ValueError(
-                "FlowSettings.follow: a grid that moves has no walls; set follow=None for a tank, or far_x = far_y = True."
+                "FlowSettings.follow: a grid that moves has no walls; set follow=None for a tank, or "
+                "far_x = far_y = True."
             )
 
 
@@ -136,6 +140,16 @@ class FlowState:
     """Grid origin x, y [m] and yaw [rad] in the world, shape (3,)"""
     steps: int
     """Steps done"""
+    step: float = 0.0
+    """Length of the last step [s]"""
+    calm: int = 0
+    """Steps since one as short was needed"""
+
+    @classmethod
+    def zeros(cls, shape: tuple[int, int, int]) -> FlowState:
+        """All zero, for fields of this shape."""
+        u, v, w, cx, cy, cz, fraction, phi = (np.zeros(shape) for _ in range(8))
+        return cls(u, v, w, cx, cy, cz, fraction, phi, phi_dt=1.0, time=0.0, frame=np.zeros(3), steps=0)
 
     def copy_from(self, other: FlowState) -> None:
         """Take the values of another state."""
@@ -193,9 +207,7 @@ class FlowSolver:
     settings : FlowSettings
     """
 
-    def __init__(
-        self, grid: Grid, solids: Sequence[Solid], water: Water, settings: FlowSettings | None = None
-    ) -> None:
+    def __init__(self, grid: Grid, solids: Sequence[Solid], water: Water, settings: FlowSettings | None = None) -> None:
         """Allocate; see the class."""
         self.grid, self.solids, self.water = grid, tuple(solids), water
         self.settings = settings = settings or FlowSettings()
@@ -208,19 +220,18 @@ class FlowSolver:
             )
         if settings.follow is not None and settings.follow >= len(self.solids):
             raise ValueError(
-                f"FlowSettings.follow = {settings.follow}, but there are {len(self.solids)} solids; use None to keep the "
+                f"FlowSettings.follow = {settings.follow}, but there are {len(self.solids)} solids; use "
+                f"None to keep the "
                 "grid in place."
             )
         shape = grid.padded_shape
-        self._state, self._next = (
-            FlowState(*(np.zeros(shape) for _ in range(8)), 1.0, 0.0, np.zeros(3), 0) for _ in range(2)
-        )
+        self._state, self._next = FlowState.zeros(shape), FlowState.zeros(shape)
         self.openness = Openness.open(shape)
         self.levels = pressure.Levels(shape)
         self._wet = np.zeros(shape, dtype=np.uint8)
-        self._flow = tuple(np.zeros(shape) for _ in range(3))
-        self._extended = tuple(np.zeros(shape) for _ in range(3))
-        self._change = tuple(np.zeros(shape) for _ in range(3))
+        self._flow = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        self._extended = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        self._change = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self._theta = tuple(np.ones(shape) for _ in range(3))
         self._labels = tuple(np.zeros(shape, dtype=np.uint8) for _ in range(3))
         self._lists = tuple(np.zeros(math.prod(shape), dtype=np.int64) for _ in range(2))
@@ -252,7 +263,7 @@ class FlowSolver:
         if len(poses.position) != len(self.solids):
             raise ValueError(f"start: {len(poses.position)} poses for {len(self.solids)} solids; give one for each.")
         state = self._state
-        state.time, state.steps, state.phi_dt = time, 0, 1.0
+        state.time, state.steps, state.phi_dt, state.step, state.calm = time, 0, 1.0, 0.0, 0
         state.frame[:] = self._frame(poses)
         state.fraction[:] = self._still[None, :, None]
         far = self._far(state.frame[2])
@@ -313,10 +324,13 @@ class FlowSolver:
             raise ValueError(f"FlowSolver.advance: time {time} s is not after the present {t0} s.")
         sums = np.zeros((3, len(self.solids), 6))
         parts, iterations, residual, courant, halvings = 0, 0, 0.0, 0.0, 0
-        done, pieces = 0.0, 1
+        state, done = self._state, 0.0
+        # a change of the step makes the loads jump for one step (by what small faces exchange): change it seldom
+        pieces = math.ceil(interval / state.step - 1e-9) if state.calm < CALM_STEPS and state.step > 0.0 else 1
         numba.set_num_threads(self.settings.threads)
         while done < 1.0 - 1e-12:
-            wanted = math.ceil((1.0 - done) * interval * self._courant_rate() / self.settings.courant - 1e-9)
+            wanted = math.ceil(interval * self._courant_rate() / self.settings.courant - 1e-9)
+            self._state.calm = 0 if wanted >= pieces and wanted > 1 else self._state.calm + 1
             pieces = max(pieces, wanted)
             share = min((1.0 - done) / max(1, round((1.0 - done) * pieces)), 1.0 - done)
             end = done + share if done + share < 1.0 - 1e-9 else 1.0
@@ -328,7 +342,8 @@ class FlowSolver:
                 pieces = 2 * max(pieces, round(1.0 / share))
                 if dt < interval / 16.0 * 1.001 and halvings > 4:
                     raise SimulationError(
-                        f"flow solver stopped at t = {self._state.time:.4f} s: {outcome} even with a step of {dt:.2e} s. "
+                        f"flow solver stopped at t = {self._state.time:.4f} s: {outcome} even with a "
+                        f"step of {dt:.2e} s. "
                         "The state before the step is kept (save()). Look for a solid that jumps or leaves the window; "
                         "use smaller cells, a smaller interval, or a larger window."
                     )
@@ -341,6 +356,7 @@ class FlowSolver:
             residual, courant = max(residual, solved.residual), max(courant, number)
             done = end
         self._state.time = time
+        self._state.step = interval / pieces
         self.loads = Loads(sums[0], sums[1], sums[2])
         self.report = StepReport(parts, iterations, residual, courant, halvings)
         return self.loads.total
@@ -447,6 +463,7 @@ class FlowSolver:
                 loads[:, n, 3:] = loads[:, n, 3:] @ rotation[n]
 
         new.time, new.frame[:], new.phi_dt, new.steps = old.time + dt, frame, dt, old.steps + 1
+        new.step, new.calm = old.step, old.calm
         self._state, self._next, self._poses = new, old, poses
         return loads, solved, courant
 
@@ -499,12 +516,14 @@ class FlowSolver:
             gap = min(center[axis] - extent[axis] - faces[0], faces[-1] - center[axis] - extent[axis])
             if gap < 3.0 * self.grid.smallest_width:
                 raise ValueError(
-                    f"solid {n} comes within {gap:.3g} m of the window's {'xy'[axis]} side; widen Grid.{'xy'[axis]}_faces."
+                    f"solid {n} comes within {gap:.3g} m of the window's {'xy'[axis]} side; widen "
+                    f"Grid.{'xy'[axis]}_faces."
                 )
         lowest = center[2] - extent[2]
         if lowest < self.metrics.zf[1]:
             raise ValueError(
-                f"solid {n} reaches {-lowest:.3g} m below the bed, more than the grid can see ({-self.metrics.zf[1]:.3g} m, "
+                f"solid {n} reaches {-lowest:.3g} m below the bed, more than the grid can see "
+                f"({-self.metrics.zf[1]:.3g} m, "
                 "one and a half cells); sinkage is too large or the cells too small."
             )
 
@@ -582,7 +601,7 @@ class FlowSolver:
         """Pressure above that of air [Pa], shape (ny, nz, nx); 0 in dry cells."""
         h, s = HALO, self._state
         z = self.metrics.zc[None, h:-h, None]
-        gauge = s.phi[h:-h, h:-h, h:-h] / s.phi_dt - 9.81 * (z - self.water.depth)
+        gauge = s.phi[h:-h, h:-h, h:-h] / s.phi_dt - GRAVITY * (z - self.water.depth)
         return np.where(self._wet[h:-h, h:-h, h:-h] == 1, self.water.density * gauge, 0.0)
 
     def surface_height(self) -> Array:

@@ -90,7 +90,9 @@ def added_mass(cells, offset):
 
     def pose(t):
         ahead = np.array([1.0, 0.0, 0.0])
-        return Poses((center + 0.5 * t * t * ahead)[None], np.eye(3)[None], (t * ahead)[None], np.zeros((1, 3)), np.zeros(1))
+        return Poses(
+            (center + 0.5 * t * t * ahead)[None], np.eye(3)[None], (t * ahead)[None], np.zeros((1, 3)), np.zeros(1)
+        )
 
     solver.start(pose(0.0))
     for n in range(3):
@@ -113,7 +115,9 @@ def plunge(shift=0.0, dt=2e-3, cell=0.02, until=0.3):
 
     def pose(t):
         speed = np.array([[0.0, 0.0, -0.4]])
-        return Poses(np.array([[0.003, 0.001, 0.30 + shift]]) + speed * t, np.eye(3)[None], speed, np.zeros((1, 3)), np.zeros(1))
+        return Poses(
+            np.array([[0.003, 0.001, 0.30 + shift]]) + speed * t, np.eye(3)[None], speed, np.zeros((1, 3)), np.zeros(1)
+        )
 
     solver.start(pose(0.0))
     volume, loads, errors = solver.water_volume(), [], []
@@ -130,7 +134,9 @@ def test_plunging_box_keeps_the_volume_and_feels_buoyancy(shift):
     assert error < 2e-3
     level = float(np.median(solver.surface_height()[0]))
     draught = level - (0.30 + shift - 0.4 * 0.3 - 0.075)
-    assert loads[-25:, 2].mean() == pytest.approx(1000 * GRAVITY * 0.4 * 0.3 * draught, rel=0.25)  # still accelerating water
+    assert loads[-25:, 2].mean() == pytest.approx(
+        1000 * GRAVITY * 0.4 * 0.3 * draught, rel=0.25
+    )  # still accelerating water
 
 
 def test_mirror_symmetry():
