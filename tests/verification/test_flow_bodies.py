@@ -218,3 +218,32 @@ def test_momentum_balance_of_a_submerged_box():
 def test_momentum_balance_of_a_box_in_the_surface(cell, tolerance):
     """Draught of four and of six cells: the surface cell's pressure is known to half a cell only (gate 1 %)."""
     assert abs(momentum_gap(0.20, cell=cell)) < tolerance
+
+
+def force_noise(follow, dt):
+    """Noise of the lift [share of it] of a box that passes through the grid or moves with it, less a 21 ms average."""
+    grid = Grid.uniform((-0.9, -0.4, 0), (0.9, 0.4, 0.3), 0.02)
+    settings = FlowSettings(follow=follow, absorbing_width=0.25)
+    solver = FlowSolver(grid, (box(0.3, 0.2, 0.15, friction=0.005),), Water(0.16), settings)
+    start = 0.0 if follow is not None else -0.3
+
+    def pose(t):
+        r = min(t / 0.2, 1.0)
+        speed = 0.5 * r**3 * (10.0 - 15.0 * r + 6.0 * r * r)
+        way = 0.5 * (0.2 * r**4 * (2.5 - 3.0 * r + r * r) + max(t - 0.2, 0.0))
+        velocity = np.array([[speed, 0.0, 0.0]])
+        return Poses(np.array([[start + way, 0.001, 0.16]]), np.eye(3)[None], velocity, np.zeros((1, 3)), np.zeros(1))
+
+    solver.start(pose(0.0))
+    lift = np.array([solver.advance(dt * (n + 1), pose(dt * (n + 1)))[0, 2] for n in range(round(0.6 / dt))])
+    n = round(0.02 / dt) | 1
+    rest = (lift - np.convolve(lift, np.ones(n) / n, "same"))[round(0.3 / dt) : -n]
+    return rest.std() / lift[round(0.3 / dt) :].mean()
+
+
+@pytest.mark.slow
+def test_force_noise_is_small_and_independent_of_the_step():
+    assert force_noise(0, 2e-3) < 1e-3
+    coarse, fine = force_noise(None, 2e-3), force_noise(None, 1e-3)
+    assert coarse < 0.01
+    assert fine == pytest.approx(coarse, rel=0.2)
