@@ -48,7 +48,10 @@ def main() -> None:
 @app.command("lane-change")
 def lane_change_command(
     depth_ratio: Annotated[float, typer.Option(help="Water depth over tyre diameter; 0 is dry ground.")] = 0.6,
-    current: Annotated[float, typer.Option(help="Speed of the head current [m/s].")] = 1.0,
+    current: Annotated[float, typer.Option(help="Speed of the current [m/s].")] = 1.0,
+    current_direction: Annotated[
+        float, typer.Option(help="Where the flow goes, from the first heading, to the left [deg].")
+    ] = 180.0,
     steering: Annotated[float, typer.Option(help="Steering amplitude [deg]; negative mirrors the maneuver.")] = 30.0,
     wheel_speed: Annotated[float, typer.Option(help="Final wheel speed [rad/s].")] = 10.0,
     soil: Annotated[str, typer.Option(help="A published soil; `exumob soils` lists them.")] = "LETE sand",
@@ -84,11 +87,14 @@ def lane_change_command(
             else importlib.import_module("vehicle_models.amphibious").amphibious_vehicle()
         )
         wet = depth_ratio != 0.0
-        water = Water.at_ratio(depth_ratio, current, tire_diameter=car.wheel.diameter) if wet else None
+        water = None
+        if wet:
+            direction = math.radians(current_direction)
+            water = Water.at_ratio(depth_ratio, current, tire_diameter=car.wheel.diameter, current_direction=direction)
         model = CoefficientHydrodynamics() if hydrodynamics is WaterModel.coefficients and wet else NoWater()
         maneuver = lane_change(math.radians(steering), wheel_speed)
         ground = Soil.published(soil)
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, ImportError) as error:
         _fail(error)
 
     from exumob.errors import SimulationError, SimulationInterrupted
@@ -104,7 +110,7 @@ def lane_change_command(
                 car, ground, water, maneuver, model, duration=duration, micro_step=micro_step, macro_step=macro_step,
                 progress=lambda time: bar.update(task, completed=time, description="driving"),
             )  # fmt: skip
-        except ValueError as error:
+        except (ValueError, OSError, ImportError) as error:
             _fail(error)
         except SimulationError as error:
             if error.result is None:

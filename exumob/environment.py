@@ -45,7 +45,7 @@ class Soil:
     cohesion : float
         [Pa], >= 0.
     friction_angle : float
-        Internal friction [rad], 0 <= phi < pi/2.
+        Internal friction [rad], 0 <= phi <= 80 degrees.
     shear_modulus_x, shear_modulus_y : float
         Shear deformation moduli K_x, K_y [m], > 0: the displacement that mobilises 63 % of the strength.
     c1, c2 : float

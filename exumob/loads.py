@@ -59,7 +59,7 @@ LOADS = np.dtype(
         ("stroke", "f8", (4,)),  # wheel above its ride height relative to the hull [m]
         ("sinkage", "f8", (4,)),
         ("slip_ratio", "f8", (4,)),
-        ("slip_angle", "f8", (4,)),
+        ("slip_angle", "f8", (4,)),  # of the velocity to the wheel's plane, 0 also in straight reverse
         ("soil_power", "f8"),  # into the vehicle [W]
         ("damper_power", "f8"),
         ("water_power", "f8"),

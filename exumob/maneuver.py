@@ -6,6 +6,7 @@ rest with zero angular acceleration (a sudden start means spin torques of hundre
 
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import dataclass
 from typing import Protocol
@@ -16,6 +17,8 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from exumob.checks import require_finite, require_positive, require_within
 from exumob.vehicle import Motion
+
+logger = logging.getLogger(__name__)
 
 
 class Maneuver(Protocol):
@@ -162,6 +165,16 @@ class Recorded:
         """The samples, as kept in results."""
         steady = [(1, 0.0), (2, 0.0)]
         self._angle, self._speed = (make_interp_spline(t, a, 5, bc_type=(steady, steady)) for a in (angle, speed))
+
+        fine = np.linspace(0.0, self._end, 20 * len(t))
+        for name, samples, spline in (("steering", angle, self._angle), ("wheel_speed", speed, self._speed)):
+            between = spline(fine)
+            overshoot = max(between.max() - samples.max(), samples.min() - between.min())
+            if overshoot > 0.05 * np.ptp(samples):
+                logger.warning(
+                    "Recorded.%s: the smooth curve through the samples overshoots them by %.3g, over 5 %% of their "
+                    "range; give more samples where they bend.", name, overshoot,
+                )  # fmt: skip
 
     def _motion(self, spline: BSpline, time: float) -> Motion:
         t = min(max(time, 0.0), self._end)

@@ -271,8 +271,9 @@ class MultibodyVehicle:
     def settle(self, water_load: Callable[[BodyStates], Array], limit: float = 20.0) -> None:
         """Find the static equilibrium by dynamic relaxation, and make it the state at time 0.
 
-        Wheels are locked and steered as the maneuver begins; every body is damped in proportion to its mass until the
-        largest acceleration is below 3e-8 g.
+        Wheels are locked. First every body is damped in proportion to its mass, on slippery and then on the true soil;
+        then it stands free until the largest acceleration is below 3e-7 g. What is left is the slow creep with which
+        soil at standstill resists.
 
         Parameters
         ----------
@@ -288,14 +289,18 @@ class MultibodyVehicle:
         """
         model, step = self.model[0], 1.0e-3
         settings = _solver_settings(step, limit, tolerance=1e-8)
-        model["settling_rate"] = 2.0 * np.sqrt(model["stiffness"].sum() / self.vehicle.mass)  # about critical for heave
+        damping = 2.0 * float(np.sqrt(model["stiffness"].sum() / self.vehicle.mass))  # about critical for heave
         standstill_rate = float(model["standstill_rate"])
         # slippery soil first: friction at the tyres would hold a linkage suspension back
-        stages = [(20.0 * standstill_rate, 1e-5), (standstill_rate, 3e-8)]
+        stages = [
+            (20.0 * standstill_rate, damping, 1e-5),
+            (standstill_rate, damping, 1e-6),
+            (standstill_rate, 0.0, 3e-7),
+        ]
         self._start(settings, driving=False)
         try:
             for n in range(round(limit / SETTLING_STEP)):
-                model["standstill_rate"], target = stages[0]
+                model["standstill_rate"], model["settling_rate"], target = stages[0]
                 self.loads[0]["water"] = water_load(self.present())
                 self._advance(settings, (n + 1) * SETTLING_STEP)
                 state = self.present()
@@ -308,8 +313,8 @@ class MultibodyVehicle:
             if stages or speed > model["wheel_radius"] * standstill_rate:
                 raise SimulationError(
                     f"{self.vehicle.name}: no static equilibrium within {limit} s (largest acceleration "
-                    f"{acceleration:.2g} m/s^2, speed {speed:.2g} m/s); the vehicle floats or slides. Lower the water "
-                    "depth or the current, choose a firmer soil or a gentler slope."
+                    f"{acceleration:.2g} m/s^2, speed {speed:.2g} m/s); the vehicle floats, slides or trembles on its "
+                    "tyres. Lower the water depth or the current, choose a firmer soil or a gentler slope."
                 )
         finally:
             self._solver.FinalizeSolver(self.mbs, settings)
@@ -383,7 +388,7 @@ class MultibodyVehicle:
     def _after_step(self, mbs: Any, time: float) -> bool:
         depth = self._account(time)
         if not depth < 1.0:
-            raise SimulationError(_sunk(self.vehicle.name, time, depth))
+            raise SimulationError(_sunk(self.vehicle.name, time, depth, "" if self._driving else "while settling, "))
         if time >= self._samples * HISTORY_STEP - 1e-9:
             self._sample(time)
         if self._driving and time >= self._rows * self._record_step - 1e-9:
@@ -452,6 +457,11 @@ class MultibodyVehicle:
         sample["time"] = self.time
         sample_motion(self._q, self._v, self._a, self._reference, sample[0])
         return _as_states(sample)
+
+    def record_end(self) -> None:
+        """Add a record of the present instant unless the last one is."""
+        if self.time > self._records["motion"]["time"][self._rows - 1] + 1e-9:
+            self._record(self.time)
 
     @property
     def records(self) -> np.ndarray:
@@ -541,12 +551,12 @@ class MultibodyVehicle:
         return _as_states(sample)
 
 
-def _sunk(name: str, time: float, depth: float) -> str:
+def _sunk(name: str, time: float, depth: float, phase: str) -> str:
     if np.isnan(depth):
-        return f"{name}: the motion is not finite at {time:.4f} s; halve micro_step and macro_step."
+        return f"{name}: {phase}the motion is not finite at {time:.4f} s; halve micro_step and macro_step."
     return (
-        f"{name}: a wheel has sunk to its centre at {time:.4f} s (sinkage {depth:.2f} radii; Bekker-Wong ends at 1). "
-        "Choose a firmer soil or a lighter vehicle."
+        f"{name}: {phase}a wheel has sunk to its centre at {time:.4f} s (sinkage {depth:.2f} radii; Bekker-Wong "
+        "ends at 1). Choose a firmer soil or a lighter vehicle."
     )
 
 

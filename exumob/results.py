@@ -51,10 +51,11 @@ VARIABLES = {
     "spin_power": ("time wheel", "W", "power of the driving torque"),
     "sinkage": ("time wheel", "m", "sinkage of the tyre below the soil surface"),
     "slip_ratio": ("time wheel", "1", "slip ratio, positive driving, negative braking"),
-    "slip_angle": ("time wheel", "rad", "angle of the wheel's velocity to its heading"),
+    "slip_angle": ("time wheel", "rad", "angle of the wheel's velocity to its plane"),
     "soil_force": ("time wheel axis", "N", "force of the soil on the tyre, world axes"),
     "soil_moment": ("time wheel axis", "N m", "moment of the soil about the wheel centre, world axes"),
     "suspension_force": ("time wheel", "N", "spring, damper and stops, pushing wheel and hull apart"),
+    "keel_clearance": ("time", "m", "lowest corner of the hull's keel above the soil surface"),
     "suspension_stroke": ("time wheel", "m", "wheel above its ride height in the hull"),
     "flow_state": ("time body state", "rad, m s-1, m", "states of paper Eq. 7"),
     "water_wrench": ("time body component", "N, N m", "water about the body's origin, body axes"),
@@ -121,6 +122,7 @@ def build_dataset(
         "soil_force": loads["soil_force"],
         "soil_moment": loads["soil_moment"],
         "suspension_force": loads["suspension_force"],
+        "keel_clearance": _keel_clearance(vehicle, terrain, states),
         "suspension_stroke": loads["stroke"],
         "flow_state": flow_states(states, water),
         "water_wrench": loads["water"],
@@ -164,6 +166,20 @@ def build_dataset(
         **wall_times,
     }  # fmt: skip
     return dataset
+
+
+def _keel_clearance(vehicle: Vehicle, terrain: Terrain, states: BodyStates) -> Array:
+    hull = vehicle.hull
+    stern = hull.center_x - 0.5 * hull.length
+    bow = hull.center_x + 0.5 * hull.length - hull.bow_length
+    corners = [[x, y, hull.ground_clearance] for x in (stern, bow) for y in (-0.5 * hull.width, 0.5 * hull.width)]
+    points = states.position[:, 0, None] + (np.array(corners) - vehicle.hull_origin) @ states.rotation[:, 0].mT
+    if terrain.is_flat:
+        ground = np.full(points.shape[:2], terrain.height)
+    else:
+        ground = np.array([[terrain.height_and_normal(x, y)[0] for x, y, _ in row] for row in points])
+    lowest: Array = (points[..., 2] - ground).min(axis=1)
+    return lowest
 
 
 def body_masses(vehicle: Vehicle) -> Array:

@@ -81,6 +81,11 @@ def simulate(
     if hydrodynamics is None:
         hydrodynamics = NoWater() if water is None else CoefficientHydrodynamics()
     _check_steps(duration, micro_step, macro_step, record_step)
+    if water is not None and not (terrain.is_flat and terrain.height == 0.0):
+        raise ValueError(
+            "simulate.terrain: the water models know a flat bed at z = 0 only; leave out the water, or use the default "
+            "terrain."
+        )
     _check_maneuver(vehicle, maneuver, duration)
     began = time.perf_counter()
     model = MultibodyVehicle(vehicle, soil, maneuver, terrain, micro_step, duration, record_step)
@@ -114,7 +119,15 @@ def simulate(
         broken = SimulationError(f"{vehicle.name}: {type(error).__name__} at {model.time:.4f} s: {error}")
         broken.result = result(f"broke down at {model.time:.4f} s: {error}")
         raise broken from error
-    return result("completed")
+    model.record_end()
+    finished = result("completed")
+    lowest = float(finished["keel_clearance"].min())
+    if lowest < 0.0:
+        logger.warning(
+            "%s: the keel came %.3f m below the soil surface; contact of hull and soil is not modelled, so the run is "
+            "too favourable from then on. Use a firmer soil or a higher ground_clearance.", vehicle.name, -lowest,
+        )  # fmt: skip
+    return finished
 
 
 def _loads(hydrodynamics: Hydrodynamics, history: BodyStates, predict: Callable[[], BodyStates]) -> Array:
@@ -140,9 +153,12 @@ def _check_steps(duration: float, micro_step: float, macro_step: float, record_s
     ):
         ratio = coarse / fine
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6 * ratio:
+            choice, advice = name, f"{max(round(ratio), 1) * fine:.9g}"
+            if name.startswith("the history"):
+                choice, advice = "micro_step", "1e-3, 5e-4, 2.5e-4, 2e-4 or 1e-4"
             raise ValueError(
                 f"simulate: {name} ({coarse:g} s) must be a whole multiple of {fine_name} = {fine:g} s; "
-                f"choose {fine_name} = {coarse / max(round(ratio), 1):g} s, say."
+                f"choose {choice} = {advice} s, say."
             )
 
 

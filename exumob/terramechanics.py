@@ -243,7 +243,7 @@ def _add_patch_forces(
     front, rear = theta_f - theta_m, theta_m - theta_r
     splits = np.ones(7)
     count = _shear_reversals(x_0, x_1, x_2, x_3, theta_r, theta_f, splits)
-    if not resultant and (roll != 0.0 or yaw != 0.0):
+    if roll != 0.0 or yaw != 0.0:
         count += _shear_reversals(y_0, y_1, y_2, y_3, theta_r, theta_f, splits[count:])
     for k in range(count):
         kink = splits[k]

@@ -330,7 +330,10 @@ def load_vehicle(file: str | Path) -> Vehicle:
         raise ValueError(f"vehicle file {path} defines {len(makers)} public functions; it must define exactly one.")
     if any(p.default is p.empty for p in inspect.signature(makers[0]).parameters.values()):
         raise ValueError(f"{path}: {makers[0].__name__} takes arguments; it must need none.")
-    vehicle = makers[0]()
+    try:
+        vehicle = makers[0]()
+    except TypeError as error:  # a misspelt or missing field
+        raise ValueError(f"vehicle file {path}: {error}; exumob/vehicle.py lists the fields.") from error
     if not isinstance(vehicle, Vehicle):
         raise ValueError(f"{path}: {makers[0].__name__}() returned {type(vehicle).__name__}; it must return a Vehicle.")
     return vehicle

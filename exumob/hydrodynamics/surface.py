@@ -121,6 +121,8 @@ def hull_surface(vehicle: Vehicle) -> Surface:
     """
     hull = vehicle.hull
     faces = _box_hull(hull) if hull.mesh is None else list(mesh_triangles(hull.mesh))
+    if hull.mesh is not None:
+        _check_extent(hull, np.concatenate(faces))
     faces = [face - vehicle.hull_origin for face in faces]
     edges = strip_edges(np.concatenate(faces))
     for x in edges[1:-1]:
@@ -129,6 +131,21 @@ def hull_surface(vehicle: Vehicle) -> Surface:
     middle = triangles.mean(axis=1)
     strips = np.clip(np.searchsorted(edges, middle[:, 0]) - 1, 0, HULL_STRIPS - 1)
     return Surface(triangles, 2 * strips.astype(np.int64) + (middle[:, 1] > 0.0), 2 * HULL_STRIPS)
+
+
+def _check_extent(hull: Hull, points: Array) -> None:
+    """Refuse a mesh in other units or another frame than the hull that it stands for."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle = np.array([hull.center_x, 0.0, hull.ground_clearance + 0.5 * hull.height])
+    for k, name in enumerate(("length", "width", "height")):
+        size = getattr(hull, name)
+        misplaced = abs(0.5 * (low[k] + high[k]) - middle[k])
+        if not 0.5 * size <= high[k] - low[k] <= 2.0 * size or misplaced > 0.5 * size:
+            raise ValueError(
+                f"Hull.mesh reaches from {low[k]:.4g} to {high[k]:.4g} m along {'xyz'[k]}, but Hull.{name} = {size:g} "
+                f"about {middle[k]:.4g} m (allowed: a factor of 2, half a {name} off). Scale the mesh to metres, move "
+                "it to the design frame, or mend the hull's sizes."
+            )
 
 
 def wheel_surface(vehicle: Vehicle) -> Surface:

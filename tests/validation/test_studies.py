@@ -24,7 +24,7 @@ def test_lane_change_study_shows_what_water_does():
     """Paper Sec. 4: shorter path and smaller lateral displacement in calm water; the current shortens it further."""
     result = load_study("lane_change").main(quick=True)
     dry, calm, current = (result.sel(scenario=name) for name in ("no water", "D60/U0", "D60/U1"))
-    assert 0.9 * dry["forward"] > 0.9 * calm["forward"] > current["forward"] > 2.0
+    assert 0.97 * dry["forward"] > calm["forward"] > 1.2 * current["forward"] > 2.0
     assert calm["lateral"] < dry["lateral"]
     assert abs(np.degrees(dry["yaw"])) < 0.1 < 1.0 < np.degrees(current["yaw"])
     assert calm["buoyed_share"] == pytest.approx(0.37, abs=0.03)  # displaced 16.6 kg upright at ride height, of 57 kg
