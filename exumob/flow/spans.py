@@ -28,11 +28,11 @@ class Spans(NamedTuple):
         return cls(start, start.copy())
 
     @classmethod
-    def whole(cls, padded_shape: tuple[int, int, int]) -> Spans:
-        """Every cell of the window, without halo."""
-        ny, nz, nx = padded_shape
+    def padded(cls, padded_shape: tuple[int, int, int]) -> Spans:
+        """Every cell, the outermost layer of the halo apart."""
         spans = cls.empty(padded_shape)
-        spans.hi[HALO : ny - HALO, HALO : nz - HALO] = nx - HALO
+        spans.lo[:], spans.hi[:] = 1, 1
+        spans.hi[1:-1, 1:-1] = padded_shape[2] - 1
         return spans
 
     @property
@@ -67,26 +67,43 @@ def mark_wet(fraction: Array, wet: NDArray[np.uint8], least: float, wet_spans: S
             wet_lo[j, k], wet_hi[j, k] = first, last
 
 
-def widen(spans: Spans, reach: int, shape: tuple[int, int, int], out: Spans) -> None:
-    """Spans that also hold every cell within `reach` cells of those given, along each axis."""
-    ny, nz, nx = shape
-    lo = np.where(spans.lo < spans.hi, spans.lo, nx)
-    hi = np.where(spans.lo < spans.hi, spans.hi, 0)
-    for axis in (0, 1):
-        low, high = lo.copy(), hi.copy()
-        for n in range(1, reach + 1):
-            here, there = ((slice(n, None),), (slice(None, -n),)) if axis == 0 else (
-                (slice(None), slice(n, None)), (slice(None), slice(None, -n)),
-            )  # fmt: skip
-            np.minimum(low[here], lo[there], out=low[here])
-            np.minimum(low[there], lo[here], out=low[there])
-            np.maximum(high[here], hi[there], out=high[here])
-            np.maximum(high[there], hi[here], out=high[there])
-        lo, hi = low, high
-    any_water = lo < hi
-    out.lo[:] = np.where(any_water, np.maximum(lo - reach, HALO), HALO)
-    out.hi[:] = np.where(any_water, np.minimum(hi + reach, nx - HALO), HALO)
-    for edge in (slice(None, HALO), slice(ny - HALO, None)):
-        out.hi[edge] = out.lo[edge]
-    for edge in (slice(None, HALO), slice(nz - HALO, None)):
-        out.hi[:, edge] = out.lo[:, edge]
+@njit(cache=True, error_model="numpy")
+def widen(spans: Spans, reach: int, out: Spans, width: int) -> None:
+    """Spans that also hold every cell within `reach` of those given along each axis, one cell of the halo included.
+
+    Parameters
+    ----------
+    spans : Spans
+    reach : int
+        [cells]
+    out : Spans, changed
+    width : int
+        Cells of a padded row.
+    """
+    ny, nz = spans.lo.shape
+    for j in range(ny):
+        for k in range(nz):
+            out.lo[j, k], out.hi[j, k] = 1, 1
+    for j in range(1, ny - 1):
+        for k in range(1, nz - 1):
+            low, high = width, 0
+            for a in range(max(j - reach, 0), min(j + reach, ny - 1) + 1):
+                for b in range(max(k - reach, 0), min(k + reach, nz - 1) + 1):
+                    if spans.lo[a, b] < spans.hi[a, b]:
+                        low, high = min(low, spans.lo[a, b]), max(high, spans.hi[a, b])
+            if low < high:
+                out.lo[j, k], out.hi[j, k] = max(low - reach, 1), min(high + reach, width - 1)
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def clear_outside(fields: tuple[Array, ...], lo: NDArray[np.int32], hi: NDArray[np.int32], spans: Spans) -> None:
+    """Set fields to 0 in the cells of the old spans `lo`, `hi` that `spans` does not hold; the old become the new."""
+    ny, nz = lo.shape
+    new_lo, new_hi = spans
+    for j in prange(ny):
+        for k in range(nz):
+            for q in fields:
+                row = q[j, k]
+                row[lo[j, k] : max(min(new_lo[j, k], hi[j, k]), lo[j, k])] = 0.0
+                row[min(max(new_hi[j, k], lo[j, k]), hi[j, k]) : hi[j, k]] = 0.0
+            lo[j, k], hi[j, k] = new_lo[j, k], new_hi[j, k]
