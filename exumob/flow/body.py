@@ -96,7 +96,11 @@ def prism(outline: Array, width: float, friction: float = 0.0) -> Solid:
     if area <= 0.0:
         raise ValueError(f"prism outline encloses {area:g} m^2; give its corners counter-clockwise in (x, z).")
     low, high = outline.min(axis=0), outline.max(axis=0)
-    parameters = np.concatenate([[0.5 * width, len(outline)], outline.ravel()])
+    edges = np.roll(outline, -1, axis=0) - outline
+    lengths = np.sum(edges**2, axis=1, keepdims=True)
+    if lengths.min() <= 0.0:
+        raise ValueError("prism outline has two equal corners in a row; leave one out.")
+    parameters = np.concatenate([[0.5 * width], np.hstack([outline, edges, 1.0 / lengths]).ravel()])
     corners = np.array([low[0], -0.5 * width, low[1]]), np.array([high[0], 0.5 * width, high[1]])
     return Solid(PRISM, parameters, *corners, friction)
 
@@ -305,21 +309,19 @@ def _corner(a: float, b: float, c: float) -> tuple[float, float, float, float]:
 @njit(cache=True, error_model="numpy")
 def _polygon(parameters: Array, x: float, z: float) -> tuple[float, float, float]:
     """Signed distance and outward normal of a counter-clockwise polygon."""
-    n = int(parameters[1])
     best, bx, bz, inside = 1e300, 0.0, 0.0, False
     ex, ez = 0.0, 0.0
-    for m in range(n):
-        l = m + 1 if m + 1 < n else 0  # noqa: E741
-        x0, z0 = parameters[2 + 2 * m], parameters[3 + 2 * m]
-        x1, z1 = parameters[2 + 2 * l], parameters[3 + 2 * l]
-        tx, tz = x1 - x0, z1 - z0
-        part = min(max(((x - x0) * tx + (z - z0) * tz) / (tx * tx + tz * tz), 0.0), 1.0)
-        px, pz = x - x0 - part * tx, z - z0 - part * tz
+    for m in range(1, len(parameters), 5):  # corner, edge, inverse square of its length
+        x0, z0, tx, tz = parameters[m], parameters[m + 1], parameters[m + 2], parameters[m + 3]
+        px, pz = x - x0, z - z0
+        part = (px * tx + pz * tz) * parameters[m + 4]
+        part = min(max(part, 0.0), 1.0)
+        if (pz >= 0.0) != (pz >= tz) and (px * tz < pz * tx) == (tz > 0.0):
+            inside = not inside
+        px, pz = px - part * tx, pz - part * tz
         d2 = px * px + pz * pz
         if d2 < best:
             best, bx, bz, ex, ez = d2, px, pz, tz, -tx
-        if (z0 > z) != (z1 > z) and x < x0 + (z - z0) * tx / tz:
-            inside = not inside
     d = math.sqrt(best)
     if d < 1e-12:
         s = 1.0 / math.sqrt(ex * ex + ez * ez)

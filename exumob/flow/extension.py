@@ -87,14 +87,12 @@ def extend(
             unknown[j, k] = missing
     for layer in range(2, 2 + LAYERS):
         for j in prange(HALO, ny - HALO):  # labels of this very layer count as unknown: the order does not matter
+            averages, labels = np.empty(nx), np.empty(nx, dtype=np.uint8)
             for k in range(HALO, nz - HALO):
-                if unknown[j, k] == 0:
-                    continue
-                start = (j * nz + k) * nx
-                for i in range(start + max(lo[j, k], HALO), start + min(hi[j, k], nx - HALO)):
-                    p = np.uintp(i)
-                    if mark[p] == 0:
-                        _average(value, mark, p, sy, sz, layer)
+                if unknown[j, k] > 0:
+                    first, last = max(lo[j, k], HALO), min(hi[j, k], nx - HALO)
+                    start = (j * nz + k) * nx + first
+                    _average_row(value, mark, start, last - first, sy, sz, np.uint8(layer), averages, labels)
     for j in prange(HALO, ny - HALO):
         for k in range(HALO, nz - HALO):
             if unknown[j, k] == 0:
@@ -113,22 +111,31 @@ def extend(
                     given[p] = value[p]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _average(q: Array, mark: NDArray[np.uint8], p: int, sy: int, sz: int, layer: int) -> None:
-    """Mean of the neighbours of lower layers, if there are any, and the label of this layer.
+@njit(cache=True, error_model="numpy")
+def _average_row(
+    q: Array, mark: NDArray[np.uint8], start: int, n: int, sy: int, sz: int, layer: int, averages: Array,
+    labels: NDArray[np.uint8],
+) -> None:  # fmt: skip
+    """Give unknown faces of a row the mean of their neighbours of lower layers, if there are any, and a label.
 
     Pairs are added first, so that mirrored flows stay mirrored to the last bit.
     """
-    one = np.uintp(1)
-    total, weight = 0.0, 0.0
-    for s in (sz, sy, one):
-        a = 0 < mark[p - s] < layer
-        b = 0 < mark[p + s] < layer
-        total += (q[p - s] if a else 0.0) + (q[p + s] if b else 0.0)
-        weight += (1.0 if a else 0.0) + (1.0 if b else 0.0)
-    if weight > 0.0:
-        q[p] = total / weight
-        mark[p] = np.uint8(layer)
+    one, lowest = np.uintp(1), np.uint8(layer - 1)
+    for m in range(n):
+        p = np.uintp(start + m)
+        total, weight = 0.0, 0.0
+        for s in (sz, sy, one):
+            a = np.uint8(mark[p - s] - np.uint8(1)) < lowest  # labels 1 to layer - 1
+            b = np.uint8(mark[p + s] - np.uint8(1)) < lowest
+            total += (q[p - s] if a else 0.0) + (q[p + s] if b else 0.0)
+            weight += (1.0 if a else 0.0) + (1.0 if b else 0.0)
+        reached = mark[p] == 0 and weight > 0.0
+        averages[m] = total / weight if reached else q[p]
+        labels[m] = np.uint8(layer) if reached else mark[p]
+    for m in range(n):
+        p = np.uintp(start + m)
+        q[p] = averages[m]
+        mark[p] = labels[m]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
@@ -179,6 +186,9 @@ def _blend_row(
     d = solids.distance
     for k in range(max(regions[n, 2], HALO), min(regions[n, 3], nz - HALO)):
         for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
+            widest = max(metrics.dx[i], metrics.dy[j], metrics.dz[k])
+            if not -4.0 * widest < d[j, k, i] < 2.0 * widest:
+                continue
             for axis in range(3):
                 beta = solids.bx[j, k, i] if axis == 0 else (solids.by[j, k, i] if axis == 1 else solids.bz[j, k, i])
                 if beta >= BLENDED or (axis == 2 and k == HALO):

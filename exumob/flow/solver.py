@@ -421,7 +421,6 @@ class FlowSolver:
         # faces hardly open have hardly any velocity of their own (solids still where the last step left them)
         kept = [q[self._box].copy() for q in velocity]
         loads[2] = self._blend(dt)
-        boundary.fill_velocity(*velocity, self._far(old.frame[2]), s.far_x, s.far_y, s.closed_top)
 
         def fail(reason: str) -> str:
             for q, values in zip(velocity, kept, strict=True):
@@ -478,7 +477,6 @@ class FlowSolver:
         if not solved.converged and not solved.residual < 1e3 * s.tolerance:
             return fail(f"the pressure did not converge (divergence times step {solved.residual:.1e})")
         pressure.project(*out, new.phi, new.wet, openness, m, dt, self.water.depth, top, *self._theta)
-        boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
 
         # free surface: extended velocity, transport, far field
         for axis in range(3):
@@ -486,7 +484,6 @@ class FlowSolver:
                 new.extended[axis], out[axis], new.wet, faces[axis], fraction, axis, far[axis], dt, self._near,
                 self._label,
             )  # fmt: skip
-        boundary.fill_velocity(*new.extended, far, s.far_x, s.far_y, s.closed_top)
         boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
         advection.full_velocity(carrying, out, openness, self._near)
         boundary.fill_velocity(*carrying, far, s.far_x, s.far_y, s.closed_top)
@@ -548,7 +545,7 @@ class FlowSolver:
         rotation = back @ poses.rotation
         velocity, rate = poses.velocity @ back.T, poses.angular_velocity @ back.T
         spin = rotation[:, :, 1] * poses.spin[:, None]
-        margin = 6.0 * self.grid.smallest_width
+        margin = 4.0 * self.grid.smallest_width
         for region in self._regions:
             clear(self.openness, region)
         for n, solid in enumerate(self.solids):
