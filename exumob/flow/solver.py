@@ -276,6 +276,8 @@ class FlowSolver:
         self._flow = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self._change = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self._theta = tuple(np.ones(shape) for _ in range(3))
+        unknown = np.full(shape, interface.UNKNOWN)
+        self._orientation = unknown, unknown.copy(), unknown.copy()
         self._label = np.zeros(shape, dtype=np.uint8)
         # spans of the wet cells, of these one cell wider, and of all water 3 and 4 cells wider
         self._wet, self._active, self._cells, self._near = (Spans.empty(shape) for _ in range(4))
@@ -495,7 +497,8 @@ class FlowSolver:
         begin = self.levels.rhs  # free by now
         begin[:] = fraction
         interface.transport(
-            fraction, begin, self._flow, SWEEPS[old.steps % len(SWEEPS)], dt, self._near, self._cells, m,
+            fraction, begin, self._flow, SWEEPS[old.steps % len(SWEEPS)], dt,
+            self._orientation, self._near, self._cells, m,
             self._scratch, self._fill_fraction,
         )  # fmt: skip
         if s.far_x or s.far_y:
