@@ -119,9 +119,10 @@ def _reach(vehicle: Vehicle, grid: Grid) -> list[tuple[float, float]]:
 def _gap(vehicle: Vehicle, hull: Solid, wheel: Solid, angle: float, k: int) -> float:
     """Least distance [m] between the hull and wheel k turned by `angle` [rad], from points on the wheel's surface."""
     radius, half, edge = wheel.parameters
-    around = np.linspace(0.0, 2.0 * math.pi, 49)[:-1]
-    rings = [(radius, half - edge), (radius - edge * (1.0 - math.sqrt(0.5)), half - edge * (1.0 - math.sqrt(0.5)))]
-    rings += [(part * (radius - edge), half) for part in (1.0, 0.5, 0.0)]
+    around = np.linspace(0.0, 2.0 * math.pi, 37)[:-1]
+    corner = np.linspace(0.0, 0.5 * math.pi, 7)
+    rings = [(radius - edge * (1.0 - math.cos(a)), half - edge * (1.0 - math.sin(a))) for a in corner]
+    rings += [(part * (radius - edge), half) for part in (0.5, 0.0)]
     rings += [(r, -y) for r, y in rings]
     points = np.array([[r * math.cos(a), y, r * math.sin(a)] for r, y in rings for a in around])
     c, s = math.cos(angle), math.sin(angle)
