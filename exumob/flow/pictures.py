@@ -24,8 +24,8 @@ from exumob.flow.vehicle_surface import SEGMENTS, body_triangles, placed, stored
 from exumob.plotting import STYLE
 from exumob.states import BODIES, Array
 
-COLORS = "RdYlBu_r"
-HULL_COLOR = (0.93, 0.90, 0.84)
+COLORS = "RdBu_r"
+HULL_COLOR = (0.95, 0.72, 0.25)
 WHEEL_COLORS = (0.22, 0.22, 0.24), (0.34, 0.34, 0.37)
 CUT_COLOR = (0.42, 0.58, 0.70)
 LIGHT = (-0.5, 0.55, 1.0)
@@ -50,9 +50,9 @@ class SurfaceView:
     """
 
     def __init__(
-        self, dataset: xr.Dataset, range_mm: float | None = None, azimuth: float = math.radians(32.0),
-        height: float = math.radians(30.0), extent: tuple[float, float, float] = (1.25, 1.7, 1.15),
-        size: tuple[int, int] = (900, 560),
+        self, dataset: xr.Dataset, range_mm: float | None = None, azimuth: float = math.radians(38.0),
+        height: float = math.radians(33.0), extent: tuple[float, float, float] = (1.2, 1.6, 1.0),
+        size: tuple[int, int] = (900, 500),
     ) -> None:  # fmt: skip
         """Prepare; see the class."""
         _require_snapshots(dataset)
@@ -62,13 +62,14 @@ class SurfaceView:
         ahead, behind, aside = (part * length for part in extent)
         self.data = dataset.sel(x=slice(-behind, ahead), y=slice(-aside, aside))
         self.depth = water_depth(dataset)
-        away = 3.35 * length
-        middle = (0.5 * (ahead - behind) + 0.06 * length, 0.0, self.depth)
-        side, back = math.sin(azimuth), math.cos(azimuth)
-        flat, up = math.cos(height), math.sin(height)
-        eye = (middle[0] - away * flat * back, middle[1] - away * flat * side, middle[2] + away * up)
-        self.camera = Camera(eye, middle, math.radians(46.0), *size)
         self.scale = Normalize(*_limits(self.data["elevation"].values, range_mm))
+        x, y = self.data["x"].values[[0, -1]], self.data["y"].values[[0, -1]]
+        top = self.depth + 0.5e-3 * float(self.scale.vmax or 0.0)
+        corners = np.array([[a, b, c] for a in x for b in y for c in (0.0, top)])
+        middle, away = corners.mean(axis=0), 4.0 * length
+        flat = away * math.cos(height)
+        eye = middle + np.array([-flat * math.cos(azimuth), -flat * math.sin(azimuth), away * math.sin(height)])
+        self.camera = Camera.around(corners, tuple(eye), *size)
         self.colors = plt.get_cmap(COLORS)
         time = np.concatenate([[0.0], dataset["time"].values])
         spin = np.concatenate([np.zeros((1, 4)), dataset["wheel_speed"].values])
@@ -117,7 +118,7 @@ class SurfaceView:
         rotation = Rotation.from_quat(
             self.data["snapshot_quaternion"].values[index], scalar_first=True
         ).as_matrix()  # fmt: skip
-        spin = Rotation.from_euler("y", [0.0, *self.turns[index]]).as_matrix()
+        spin = Rotation.from_rotvec(np.outer([0.0, *self.turns[index]], [0.0, 1.0, 0.0])).as_matrix()
         bodies = placed(self.bodies, self.data["snapshot_position"].values[index], rotation @ spin)
         parts = []
         for n, triangles in enumerate(bodies):
@@ -156,7 +157,7 @@ def _quads(values: Array) -> Array:
 
 def _limits(elevation: Array, range_mm: float | None) -> tuple[float, float]:
     if range_mm is None:
-        largest = 1e3 * float(np.nanpercentile(np.abs(elevation), 99.7))
+        largest = 1e3 * float(np.nanpercentile(np.abs(elevation), 98.5))
         range_mm = max(5.0 * math.ceil(largest / 5.0), 5.0)
     return -range_mm, range_mm
 
@@ -245,7 +246,7 @@ def animate_surface(dataset: xr.Dataset, file: str | Path, frames_per_second: fl
         raise ValueError(f"animation {path}: the ending {path.suffix!r} is not known; use .gif or .mp4.")
     if path.suffix == ".mp4" and not FFMpegWriter.isAvailable():
         raise ValueError(f"{path}: writing MP4 needs the program ffmpeg, which is not installed; use .gif.")
-    view = SurfaceView(dataset, size=(720, 450))
+    view = SurfaceView(dataset, size=(760, 430))
     times = dataset["snapshot"].values
     rate = frames_per_second or (1.0 / float(np.diff(times).mean()) if len(times) > 1 else 10.0)
     writer = PillowWriter(fps=rate) if path.suffix == ".gif" else FFMpegWriter(fps=rate)  # type: ignore[arg-type]
@@ -320,7 +321,8 @@ def plot_captive_loads(figure: Figure | SubFigure, dataset: xr.Dataset) -> list[
                 axes.set_xlabel("time [s]")
         who = "hull" if row < 2 else "wheels"
         panels[row][0].set_title(f"{name} on the {who}", loc="left")
-    panels[2][2].legend(ncols=2, loc="best")
+    legend = panels[2][1].legend(ncols=4, loc="lower left", bbox_to_anchor=(-0.1, 1.0), borderaxespad=0.2)
+    legend.set_in_layout(False)  # it may reach over its neighbours' empty titles
     return list(panels.flat)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,19 +20,36 @@ class Camera:
 
     Parameters
     ----------
-    eye, target : array-like, shape (3,)
+    eye, target : (float, float, float)
         Where it is and what it looks at [m].
-    view_angle : float
-        Of the picture's width [rad].
     width, height : int
         Of the picture [pixels].
+    scale : float
+        Pixels of a line as long as its distance.
+    middle : (float, float)
+        Pixel x, y (down) of the target.
     """
 
     eye: tuple[float, float, float]
     target: tuple[float, float, float]
-    view_angle: float = math.radians(35.0)
-    width: int = 900
-    height: int = 600
+    width: int
+    height: int
+    scale: float
+    middle: tuple[float, float]
+
+    @classmethod
+    def around(
+        cls, points: Array, eye: tuple[float, float, float], width: int, height: int, margin: float = 0.02
+    ) -> Camera:
+        """Camera at `eye` [m] whose picture just holds points of shape (n, 3) [m], with a margin [-]."""
+        target = tuple(points.mean(axis=0))
+        plain = cls(eye, target, width, height, 1.0, (0.0, 0.0))
+        seen = plain.project(points)[:, :2]
+        low, high = seen.min(axis=0), seen.max(axis=0)
+        size = np.array([width, height])
+        scale = float(((1.0 - 2.0 * margin) * size / (high - low)).min())
+        shift = 0.5 * size - scale * 0.5 * (low + high)
+        return cls(eye, target, width, height, scale, (float(shift[0]), float(shift[1])))
 
     def project(self, points: Array) -> Array:
         """Pixel x, y (down) and 1 / distance [1/m] of points of shape (..., 3); the last is <= 0 behind the camera."""
@@ -41,12 +57,11 @@ class Camera:
         ahead = (target - eye) / np.linalg.norm(target - eye)
         right = np.cross(ahead, [0.0, 0.0, 1.0])
         right /= np.linalg.norm(right)
-        up = np.cross(right, ahead)
-        seen = (points - eye) @ np.stack([right, up, ahead]).T
+        down = np.cross(ahead, right)
+        seen = (points - eye) @ np.stack([right, down, ahead]).T
         inverse = 1.0 / np.where(np.abs(seen[..., 2]) > 1e-9, seen[..., 2], -1e-9)
-        scale = 0.5 * self.width / math.tan(0.5 * self.view_angle)
-        x, y = 0.5 * self.width + scale * seen[..., 0] * inverse, 0.5 * self.height - scale * seen[..., 1] * inverse
-        return np.stack([x, y, inverse], axis=-1)
+        pixels = self.scale * seen[..., :2] * inverse[..., None] + np.array(self.middle)
+        return np.concatenate([pixels, inverse[..., None]], axis=-1)
 
 
 def render(triangles: Array, colors: Array, camera: Camera, background: ArrayLike = (1.0, 1.0, 1.0)) -> Array:
@@ -71,8 +86,8 @@ def render(triangles: Array, colors: Array, camera: Camera, background: ArrayLik
     image = np.empty((camera.height * SAMPLES, camera.width * SAMPLES, 3))
     image[:] = background
     _rasterize(corners[drawn], np.ascontiguousarray(colors[drawn]), image, np.zeros(image.shape[:2]))
-    blocks = image.reshape(camera.height, SAMPLES, camera.width, SAMPLES, 3)
-    return np.clip(blocks.mean(axis=(1, 3)), 0.0, 1.0)
+    parts = [image[i::SAMPLES, j::SAMPLES] for i in range(SAMPLES) for j in range(SAMPLES)]
+    return np.asarray(np.clip(sum(parts) / len(parts), 0.0, 1.0))
 
 
 def normals_of(triangles: Array) -> Array:
