@@ -331,21 +331,20 @@ def _print_loads(result: xr.Dataset) -> None:
     table = Table(
         title=f"{result.attrs['title'].removeprefix('exumob ')}, {result.attrs['status'].split(':')[0]}",
         caption=f"mean ± standard deviation of the smoothed loads from {loads.attrs['from']:.2f} to "
-        f"{loads.attrs['to']:.2f} s, body axes [N, N m]; noise: of the raw about the smoothed force; "
+        f"{loads.attrs['to']:.2f} s, body axes [N, N m]; noise: of the raw about the smoothed loads; "
         f"{result.attrs['wall_time']:.0f} s of computing",
         box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0),
     )  # fmt: skip
-    table.add_column("body", no_wrap=True)
-    for column in ("Fx", "Fy", "Fz", "Mx", "My", "Mz", "noise"):
+    for column in ("body", "load"):
+        table.add_column(column, no_wrap=True)
+    for column in ("x", "y", "z", "noise"):
         table.add_column(column, justify="right", no_wrap=True)
     for body in result["body"].values:
         of = loads.sel(body=body)
-        cells = [
-            f"{float(of[f'{kind}_mean'].sel(axis=a)):.2f} ± {float(of[f'{kind}_deviation'].sel(axis=a)):.2f}"
-            for kind in ("force", "moment")
-            for a in "xyz"
-        ]
-        table.add_row(body.replace("_", " "), *cells, f"{float((of['force_noise'] ** 2).sum() ** 0.5):.2f}")
+        for kind, name in (("force", body.replace("_", " ")), ("moment", "")):
+            mean, deviation, noise = (of[f"{kind}_{what}"].values for what in ("mean", "deviation", "noise"))
+            cells = [f"{m:.2f} ± {d:.2f}" for m, d in zip(mean, deviation, strict=True)]
+            table.add_row(name, kind, *cells, f"{math.hypot(*noise):.2f}")
     console.print(table)
 
 

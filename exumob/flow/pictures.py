@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -144,8 +145,6 @@ def fill_masked(values: Array, cells: int) -> Array:
 
 def water_depth(dataset: xr.Dataset) -> float:
     """Still depth of a captive run [m]."""
-    import json
-
     return float(json.loads(dataset.attrs["parameters"])["water"]["Water"]["depth"])
 
 
@@ -272,14 +271,19 @@ def animate_surface(dataset: xr.Dataset, file: str | Path, frames_per_second: fl
 
 
 def describe(dataset: xr.Dataset) -> str:
-    """One line on a captive run: vehicle, speed over ground at the end, water."""
-    import json
-
+    """One line on a captive run: vehicle, its motion at the end, water."""
     stored = json.loads(dataset.attrs["parameters"])
     water = stored["water"]["Water"]
-    speed = float(np.hypot(*dataset["velocity"].sel(body="hull").values[-1, :2]))
     name = next(iter(stored["vehicle"].values()))["name"]
-    return f"{name}: {speed:.2g} m/s, current {water['current_speed']:g} m/s, depth {1e3 * water['depth']:.0f} mm"
+    hull = dataset.sel(body="hull").isel(time=-1)
+    vx, vy, _ = hull["velocity"].values
+    speed = math.hypot(vx, vy)
+    words = [f"{name}: {speed:.2g} m/s"]
+    drift = math.degrees(math.remainder(math.atan2(vy, vx) - float(hull["yaw"]), 2.0 * math.pi))
+    rate = math.degrees(float(hull["angular_velocity"].sel(axis="z")))
+    words += [f"drift angle {drift:.3g}°"] if speed > 0.01 and abs(drift) > 0.1 else []
+    words += [f"yaw rate {rate:.3g}°/s"] if abs(rate) > 0.1 else []
+    return ", ".join([*words, f"current {water['current_speed']:g} m/s", f"depth {1e3 * water['depth']:.0f} mm"])
 
 
 # -- the loads ---------------------------------------------------------------------------------------------------------

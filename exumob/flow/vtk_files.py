@@ -37,7 +37,7 @@ class VtkSeries:
     Parameters
     ----------
     folder : Path
-        Made if it does not exist.
+        Made at the first instant if it does not exist.
     vehicle : Vehicle
 
     Raises
@@ -47,13 +47,12 @@ class VtkSeries:
     """
 
     def __init__(self, folder: Path, vehicle: Vehicle) -> None:
-        """Make the folder; see the class."""
+        """Check the folder; see the class."""
         self.folder = Path(folder)
         if self.folder.exists() and not self.folder.is_dir():
             raise ValueError(f"VtkSeries.folder = {folder} is a file; give a folder.")
         if not self.folder.parent.is_dir():
             raise ValueError(f"VtkSeries.folder = {folder}: {self.folder.parent} does not exist; create it first.")
-        self.folder.mkdir(exist_ok=True)
         self.file = self.folder / "flow.pvd"
         self._triangles = body_triangles(vehicle)
         self._entries: list[str] = []
@@ -61,6 +60,7 @@ class VtkSeries:
 
     def add(self, solver: FlowSolver, poses: Poses) -> None:
         """Write an instant, and the list of all up to now."""
+        self.folder.mkdir(exist_ok=True)
         frame = {"frame": solver.frame}
         names = [f"{part}_{self._count:04d}.{ending}" for part, ending in PIECES]
         write_rectilinear(self.folder / names[0], solver.grid.x_faces, solver.grid.y_faces, solver.grid.z_faces,

@@ -316,6 +316,15 @@ def test_mirrored_motion_gives_mirrored_loads(drifting):
         assert np.abs(apart[1:]).max() < 1e-4 * largest
 
 
+def test_towed_in_still_water_is_held_in_a_current():
+    """Galileo: nothing but the motion relative to the water counts (the bed exerts no friction)."""
+    towed = captive_run(VEHICLE, Water(0.12), CaptiveMotion(speed=0.8, ramp_time=0.1), **COARSE)
+    held = captive_run(VEHICLE, Water(0.12, 0.8), CaptiveMotion(speed=0.0, ramp_time=0.1), **COARSE)
+    assert np.abs(towed["position"] - held["position"]).max() > 0.03
+    for name in ("force", "moment"):
+        assert np.abs(towed[name] - held[name]).max() < 1e-4 * np.abs(towed[name]).max()
+
+
 def test_summary_is_that_of_the_second_half(drifting):
     figures = captive_summary(drifting)
     later = drifting["force"].sel(time=slice(0.075, None))
