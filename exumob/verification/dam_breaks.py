@@ -27,8 +27,8 @@ PROBES = {"P1": (0.021, 0.025), "P3": (0.101, 0.099)}
 """Heights of the pressure probes above the bed [m]; sources disagree."""
 ARRIVAL = 0.6
 """Pressure over rho g H that counts as the wave's arrival: below both first peaks, above all that precedes them."""
-IMPULSE_END = 8.0
-"""End of the impulse, t sqrt(g / H) [-]: the first of the two events in the record."""
+IMPULSE_END = 5.0
+"""End of the impulse, t sqrt(g / H) [-]: impact and run-up, 0.8 s; the wave that the far wall sends back comes later."""
 
 
 # -- Martin & Moyce -------------------------------------------------------------------------------------------------
