@@ -64,7 +64,7 @@ def check_resolution(
             f"{math.degrees(angle):.0f} deg; steer less, or widen the track."
         )
     keel = float(vehicle.hull.center_of_mass_height + hull.low[2])
-    steered = f" steered {math.degrees(angle):.0f} deg" if angle else ""
+    steered = f" steered {math.degrees(angle):.0f} deg" if abs(angle) > 0.005 else ""
     needs = [
         (f"the gap between hull and {_words(WHEELS[k])} wheel{steered}", gap, LEAST_CELLS_IN_GAP),
         ("the gap between keel and bed", keel, LEAST_CELLS_IN_GAP),
