@@ -1,4 +1,4 @@
-"""The command line: `exumob lane-change`, `exumob captive`, `exumob soils`."""
+"""The command line: `exumob lane-change`, `exumob captive`, `exumob soils`, `exumob verify`."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from rich.console import Console
 from rich.logging import RichHandler
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+
+from exumob.verification.command import verify_command
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -224,6 +226,9 @@ def soils() -> None:
             row.name, f"{soil.n:g}", *stiffness, *strength, shear, *(f"{c:.2f}"[1:] for c in (soil.c1, soil.c2))
         )
     console.print(table)
+
+
+app.command("verify")(verify_command)
 
 
 @contextmanager
