@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time as clock
 from collections.abc import Callable
@@ -12,8 +13,8 @@ import xarray as xr
 from exumob.checks import require_positive
 from exumob.environment import Water
 from exumob.errors import SimulationError, SimulationInterrupted
-from exumob.flow.body import Poses, vehicle_solids
-from exumob.flow.captive_checks import check_motion, check_resolution, front_wheel_angles, whole_multiple
+from exumob.flow.body import Poses
+from exumob.flow.captive_checks import check_motion, checked_solids, front_wheel_angles, whole_multiple
 from exumob.flow.grid import HALO, Grid
 from exumob.flow.motion import CaptiveMotion, PrescribedMotion
 from exumob.flow.solver import FlowSettings, FlowSolver
@@ -21,6 +22,8 @@ from exumob.provenance import parameters_json, provenance
 from exumob.smoothing import smoothed, window_samples
 from exumob.states import BODIES, WHEELS, Array
 from exumob.vehicle import Vehicle
+
+log = logging.getLogger(__name__)
 
 VARIABLES = {
     # name: (dimensions, units, meaning)
@@ -123,10 +126,14 @@ def captive_run(
     if settings.follow != 0:
         raise ValueError(f"captive_run.settings: FlowSettings.follow = {settings.follow}; it must be 0, the hull.")
     steering_range = check_motion(motion, vehicle, water, duration)
+    if isinstance(motion, CaptiveMotion) and motion.ramp_time > 0.5 * duration:
+        log.warning(
+            "captive_run: the ramp of %g s reaches into the second half of %g s, over which captive_summary averages; "
+            "give a longer duration or a shorter ramp_time.", motion.ramp_time, duration,
+        )  # fmt: skip
     if grid is None:
         grid = captive_grid(vehicle, cell_size, water)
-    check_resolution(vehicle, grid, steering_range, allow_coarse=allow_coarse)
-    solids = vehicle_solids(vehicle, grid.smallest_width)
+    solids = checked_solids(vehicle, grid, steering_range, allow_coarse)
     solver = FlowSolver(grid, solids, water, settings)
     began = clock.perf_counter()
     poses = motion.poses(vehicle, water, 0.0)

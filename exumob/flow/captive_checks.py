@@ -46,6 +46,13 @@ def check_resolution(
         Naming the gap or the wheel, its size, and the cell size that would do; or the window that would do; or if the
         hull's mesh is not watertight or not in the vehicle's frame.
     """
+    checked_solids(vehicle, grid, steering_range, allow_coarse)
+
+
+def checked_solids(
+    vehicle: Vehicle, grid: Grid, steering_range: tuple[float, float], allow_coarse: bool
+) -> tuple[Solid, ...]:
+    """Solids of the five bodies for a grid, after the checks of `check_resolution`; a mesh is sampled only once."""
     if vehicle.hull.mesh is not None:
         from exumob.hydrodynamics.surface import hull_surface
 
@@ -53,7 +60,8 @@ def check_resolution(
     coarse = [np.diff(faces).max(initial=0.0, where=_spanned(faces, *extent)) for faces, extent in zip(
         (grid.x_faces, grid.y_faces), _reach(vehicle, grid), strict=True)]  # fmt: skip
     cell = float(max(coarse))
-    hull, *_, wheel = vehicle_solids(vehicle, cell)
+    solids = vehicle_solids(vehicle, grid.smallest_width)
+    hull, *_, wheel = solids
     angles = sorted({0.0, *np.linspace(*steering_range, 13)})
     gaps = [(_gap(vehicle, hull, wheel, angle, k), angle, k) for angle in angles for k in (0, 1)]
     gaps += [(_gap(vehicle, hull, wheel, 0.0, k), 0.0, k) for k in (2, 3)]
@@ -64,7 +72,7 @@ def check_resolution(
             f"{math.degrees(angle):.0f} deg; steer less, or widen the track."
         )
     keel = float(vehicle.hull.center_of_mass_height + hull.low[2])
-    steered = f" steered {math.degrees(angle):.0f} deg" if angle else ""
+    steered = f" steered {math.degrees(angle):.0f} deg" if abs(angle) > 0.005 else ""
     needs = [
         (f"the gap between hull and {_words(WHEELS[k])} wheel{steered}", gap, LEAST_CELLS_IN_GAP),
         ("the gap between keel and bed", keel, LEAST_CELLS_IN_GAP),
@@ -72,7 +80,7 @@ def check_resolution(
     ]
     lacking = [need for need in needs if need[1] / cell < need[2] * (1.0 - 1e-9) and need[1] > 0.0]
     if not lacking:
-        return
+        return solids
     finest = math.floor(1e4 * min(size / least for _, size, least in lacking)) / 1e4
     message = "; ".join(
         f"{what} of {1e3 * size:.1f} mm has {size / cell:.1f} cells of {1e3 * cell:.1f} mm and needs {least:g}"
@@ -84,6 +92,7 @@ def check_resolution(
             "(allow_coarse, --coarse) for a quick look."
         )
     log.warning("%s: %s; loads of this run are rough (%g m would do).", vehicle.name, message, finest)
+    return solids
 
 
 def _spanned(faces: Array, low: float, high: float) -> NDArray[np.bool_]:

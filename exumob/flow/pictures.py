@@ -53,7 +53,7 @@ class SurfaceView:
     def __init__(
         self, dataset: xr.Dataset, range_mm: float | None = None, azimuth: float = math.radians(38.0),
         height: float = math.radians(33.0), extent: tuple[float, float, float] = (1.2, 1.6, 1.0),
-        size: tuple[int, int] = (900, 500),
+        size: tuple[int, int] = (810, 540),
     ) -> None:  # fmt: skip
         """Prepare; see the class."""
         _require_snapshots(dataset)
@@ -203,7 +203,7 @@ def plot_surfaces(
         axes.set_axis_off()
     for axes, index in zip(panels.flat, indices, strict=False):
         plot_surface(axes, view, index)
-    bar = figure.colorbar(view.mappable(), ax=panels, extend="both", shrink=0.85, aspect=18, pad=0.01)
+    bar = figure.colorbar(view.mappable(), ax=panels, extend="both", shrink=0.8, aspect=22, pad=0.01)
     bar.set_label("elevation over still water [mm]")
     return list(panels.flat)
 
@@ -245,17 +245,17 @@ def animate_surface(dataset: xr.Dataset, file: str | Path, frames_per_second: fl
         raise ValueError(f"animation {path}: the ending {path.suffix!r} is not known; use .gif or .mp4.")
     if path.suffix == ".mp4" and not FFMpegWriter.isAvailable():
         raise ValueError(f"{path}: writing MP4 needs the program ffmpeg, which is not installed; use .gif.")
-    view = SurfaceView(dataset, size=(760, 430))
+    view = SurfaceView(dataset, size=(720, 480))
     times = dataset["snapshot"].values
     rate = frames_per_second or (1.0 / float(np.diff(times).mean()) if len(times) > 1 else 10.0)
     writer = PillowWriter(fps=rate) if path.suffix == ".gif" else FFMpegWriter(fps=rate)  # type: ignore[arg-type]
     with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(8.0, 4.6), layout="constrained")
+        figure, axes = plt.subplots(figsize=(8.0, 4.9), layout="constrained")
         axes.set_axis_off()
         picture = axes.imshow(view.image(0))
         title = axes.set_title("t = 0.00 s", loc="left")
         axes.set_title(describe(dataset), loc="right", fontweight="normal", fontsize=9)
-        figure.colorbar(view.mappable(), ax=axes, extend="both", shrink=0.8, aspect=18, pad=0.01).set_label(
+        figure.colorbar(view.mappable(), ax=axes, extend="both", shrink=0.8, aspect=22, pad=0.01).set_label(
             "elevation over still water [mm]"
         )
         figure.canvas.draw()

@@ -358,6 +358,45 @@ def test_users_own_motion_runs_and_its_sudden_start_is_warned_of(caplog):
     assert json.loads(run.attrs["parameters"])["motion"] == {"Sudden": {"speed": 0.5}}
 
 
+def test_mesh_hull_of_a_box_gives_the_loads_of_the_box(tmp_path):
+    """The sampled distance rounds the edges over half a cell: 5 % of the lift, 10 % of the resistance allowed."""
+    trimesh = pytest.importorskip("trimesh")
+    mesh = trimesh.creation.box((1.0, 0.44, 0.2))
+    mesh.apply_translation((0.0, 0.0, 0.178))
+    mesh.export(tmp_path / "hull.stl")
+    hull = dataclasses.replace(VEHICLE.hull, bow_length=0.0, bow_height=0.0)
+    cars = [dataclasses.replace(VEHICLE, hull=dataclasses.replace(hull, mesh=m)) for m in (None, tmp_path / "hull.stl")]
+    motion = CaptiveMotion(speed=0.6, ramp_time=0.05)
+    runs = [captive_run(car, Water(0.12), motion, **(COARSE | {"duration": 0.1})) for car in cars]
+    box, meshed = (run["force"].sel(body="hull").isel(time=slice(-6, None)).mean("time").values for run in runs)
+    assert box[0] < -2.0
+    assert meshed[0] == pytest.approx(box[0], rel=0.10)
+    assert meshed[2] == pytest.approx(box[2], rel=0.05)
+
+
+def test_ramp_into_the_averaged_half_is_warned_of(caplog):
+    captive_run(VEHICLE, WATER, CaptiveMotion(ramp_time=0.01), **(COARSE | {"duration": 0.02}))
+    assert "reaches into the second half" not in caplog.text
+    captive_run(VEHICLE, WATER, CaptiveMotion(ramp_time=0.02), **(COARSE | {"duration": 0.02}))
+    assert "reaches into the second half" in caplog.text
+
+
+def test_forced_heave_is_resisted_by_more_than_buoyancy_and_takes_energy():
+    """At 4 Hz the water squeezed between keel and bed pushes against the acceleration, against buoyancy and beyond it.
+
+    It also takes energy, over whole periods: the force has a part against the velocity.
+    """
+    rise, frequency = 0.005, 4.0
+    motion = CaptiveMotion(speed=0.0, heave_amplitude=rise, frequency=frequency, ramp_time=0.25)
+    run = captive_run(VEHICLE, Water(0.12), motion, **(COARSE | {"duration": 0.75}))
+    time, force = run["time"].values, run["force"].sel(body="hull", axis="z").values
+    phase = 2.0 * math.pi * frequency * (time - 0.5 * COARSE["interval"])[time > 0.2501]  # loads: means over intervals
+    basis = np.stack([np.ones_like(phase), np.sin(phase), np.cos(phase)], axis=1)
+    _, in_phase, out_of_phase = np.linalg.lstsq(basis, force[time > 0.2501])[0]
+    assert in_phase > 1000.0 * 9.81 * 0.44 * rise
+    assert out_of_phase < 0.0
+
+
 def test_default_window_grows_with_the_vehicle():
     truck = light_4x4()
     grid = captive_grid(truck, 0.1, Water(0.5))
