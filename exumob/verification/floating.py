@@ -27,7 +27,7 @@ LENGTH, WIDTH, HEIGHT, DRAUGHT, DEPTH = 0.4, 0.3, 0.2, 0.13, 0.35
 MASS = 1000.0 * LENGTH * WIDTH * DRAUGHT
 """Of the box [kg]."""
 ADDED_MASS = 0.740
-"""A over the mass of the box at the natural frequency [-]: 0.761 with 360 panels, 0.753 with 930, extrapolated; +-0.005."""
+"""A over the mass of the box at the natural frequency [-]: 0.761 with 360 panels, 0.753 with 930; extrapolated."""
 DAMPING_RATIO = 0.070
 """B over its critical value [-]."""
 
