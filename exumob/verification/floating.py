@@ -108,7 +108,7 @@ def released_box(
             acceleration, found = acceleration + change, following
         z, speed = z + dt * speed + 0.5 * dt * dt * acceleration, speed + dt * acceleration
         offsets.append(z)
-    return Heave(dt * np.arange(steps + 1), np.array(offsets), trials / steps)
+    return Heave(np.array(dt * np.arange(steps + 1), dtype=float), np.array(offsets), trials / steps)
 
 
 def fitted_oscillation(time: Array, values: Array, period: float) -> tuple[float, float]:
