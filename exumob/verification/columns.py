@@ -1,9 +1,10 @@
 """Drag of surface-piercing columns held in a current, over a range of Froude number.
 
-References: drag coefficients on the wetted frontal area of the undisturbed depth, square column face on 2.0, round
-column 1.2 (ASCE/SEI 7-16, table 6.10-2, and FEMA P-55, for columns that stand in a flood; the two-dimensional values of
-Hoerner, Fluid-Dynamic Drag, 1965, ch. 3, are 2.05 and 1.2 at Re = 1e4 to 2e5). They hold for a Froude number of the
-depth well below 1 and do not resolve its influence; measurements on such columns scatter by 20 %, so the limit is 25 %.
+References: drag coefficients on the wetted frontal area of the undisturbed depth, square column face on 2.0 (prisms in
+two-dimensional flow: Nakaguchi, Hashimoto & Muto, J. Japan Soc. Aeronaut. Space Sci. 16 (1968) 1, Re up to 6e4), round
+column 1.2 (two-dimensional, Re = 1e4 to 2e5: Hoerner, Fluid-Dynamic Drag, 1965, ch. 3). Design rules for columns that
+stand in a flood take the same two values (ASCE/SEI 7-16, table 6.10-2). They are quoted as handbooks have them, for a
+Froude number of the depth well below 1, and do not resolve its influence: the limit is 25 %.
 Bernoulli's equation gives an exact figure: on the way to the front the head, level plus u^2 / (2 g), stays that of the
 current; the limit is 10 % of U^2 / (2 g).
 
