@@ -28,7 +28,7 @@ PROBES = {"P1": (0.021, 0.025), "P3": (0.101, 0.099)}
 ARRIVAL = 0.6
 """Pressure over rho g H that counts as the wave's arrival: below both first peaks, above all that precedes them."""
 IMPULSE_END = 5.0
-"""End of the impulse, t sqrt(g / H) [-]: impact and run-up, 0.8 s; the wave that the far wall sends back comes later."""
+"""End of the impulse, t sqrt(g / H) [-]: impact and run-up, before the wave that the far wall returns."""
 
 
 # -- Martin & Moyce -------------------------------------------------------------------------------------------------
