@@ -469,16 +469,15 @@ class FlowSolver:
         boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
 
         # pressure
-        top = int(np.nonzero((self._wet.lo < self._wet.hi).any(axis=0))[0].max(initial=HALO))
         np.multiply(old.phi, dt / old.phi_dt, out=new.phi)
         pressure.assemble(
             *out, fraction, new.wet, openness, m, dt, self.water.depth, s.closest_surface, s.void_stiffness,
-            top, *self._theta, self.levels.levels[0], self.levels.rhs,
+            self._wet, *self._theta, self.levels.levels[0], self.levels.rhs,
         )  # fmt: skip
-        solved = pressure.solve(self.levels, new.phi, m, dt, top, s.tolerance, s.iterations, s.closed_top)
+        solved = pressure.solve(self.levels, new.phi, m, dt, self._wet, s.tolerance, s.iterations, s.closed_top)
         if not solved.converged and not solved.residual < 1e3 * s.tolerance:
             return fail(f"the pressure did not converge (divergence times step {solved.residual:.1e})")
-        pressure.project(*out, new.phi, new.wet, openness, m, dt, self.water.depth, top, *self._theta)
+        pressure.project(*out, new.phi, new.wet, openness, m, dt, self.water.depth, self._wet, *self._theta)
 
         # free surface: extended velocity, transport, far field
         for axis in range(3):
