@@ -2,12 +2,28 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit, prange
 
 from exumob.flow.grid import HALO, Metrics
 from exumob.flow.spans import Spans
 from exumob.states import Array
+
+
+class Rates(NamedTuple):
+    """How fast the far field draws the water towards still water or the current [1/s], halo included.
+
+    Velocity components are taken on their faces: a rate half a cell off reflects waves and tells low sides from high.
+    """
+
+    x: Array
+    """At the cells' centres along x"""
+    y: Array
+    x_faces: Array
+    """At their low faces"""
+    y_faces: Array
 
 
 def level_fractions(metrics: Metrics, level: float) -> Array:
@@ -106,28 +122,23 @@ def fill_velocity(u: Array, v: Array, w: Array, far: Array, far_x: bool, far_y: 
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def relax_velocity(
-    u: Array, v: Array, w: Array, far: Array, rate_x: Array, rate_y: Array, dt: float, spans: Spans
-) -> None:
-    """Draw the velocity towards the undisturbed flow, implicitly, at the larger of two rates [1/s] per column."""
+def relax_velocity(u: Array, v: Array, w: Array, far: Array, rates: Rates, dt: float, spans: Spans) -> None:
+    """Draw the velocity towards the undisturbed flow, implicitly, at the larger of the two sides' rates."""
     ny, nz, nx = u.shape
     lo, hi = spans
+    x, y, x_faces, y_faces = rates
     for j in prange(HALO, ny - HALO + 1):
         for k in range(HALO, nz - HALO):
             for i in range(max(lo[j, k], HALO), min(hi[j, k], nx - HALO + 1)):
-                rate = max(rate_x[i], rate_y[j])
-                if rate > 0.0:
-                    share = 1.0 / (1.0 + rate * dt)
-                    u[j, k, i] = far[0] + share * (u[j, k, i] - far[0])
-                    v[j, k, i] = far[1] + share * (v[j, k, i] - far[1])
+                if max(x[i], y[j], x_faces[i], y_faces[j]) > 0.0:
+                    u[j, k, i] = far[0] + (u[j, k, i] - far[0]) / (1.0 + dt * max(x_faces[i], y[j]))
+                    v[j, k, i] = far[1] + (v[j, k, i] - far[1]) / (1.0 + dt * max(x[i], y_faces[j]))
                     if k > HALO:
-                        w[j, k, i] = share * w[j, k, i]
+                        w[j, k, i] = w[j, k, i] / (1.0 + dt * max(x[i], y[j]))
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def relax_level(
-    fraction: Array, level: float, rate_x: Array, rate_y: Array, dt: float, metrics: Metrics, added: Array
-) -> None:
+def relax_level(fraction: Array, level: float, rates: Rates, dt: float, metrics: Metrics, added: Array) -> None:
     """Draw the level of whole columns towards still water: fill the lowest gap or drain the top, cell after cell.
 
     Parameters
@@ -136,8 +147,8 @@ def relax_level(
         [-]
     level : float
         Of still water [m].
-    rate_x, rate_y : array
-        Rates of the columns, the larger counts [1/s].
+    rates : Rates
+        The larger of the two sides' counts.
     added : array, shape (ny,), changed
         Volume added per row j [m^3].
     """
@@ -145,7 +156,7 @@ def relax_level(
     for j in prange(HALO, ny - HALO):
         volume = 0.0
         for i in range(HALO, nx - HALO):
-            rate = max(rate_x[i], rate_y[j])
+            rate = max(rates.x[i], rates.y[j])
             if rate <= 0.0:
                 continue
             height = 0.0

@@ -292,14 +292,17 @@ class FlowSolver:
         self._box: tuple[slice, ...] = (slice(0, 0),) * 3  # round all solids
         self._poses: Poses | None = None
 
-    def _absorbing_rates(self) -> tuple[Array, Array]:
+    def _absorbing_rates(self) -> boundary.Rates:
         s, m = self.settings, self.metrics
-        rates = []
-        for far, centers, faces in ((s.far_x, m.xc, self.grid.x_faces), (s.far_y, m.yc, self.grid.y_faces)):
-            inside = np.minimum(centers - faces[0], faces[-1] - centers)
-            part = np.clip(1.0 - inside / s.absorbing_width, 0.0, 1.0)
-            rates.append(s.absorbing_rate * part**2 if far else np.zeros(len(centers)))
-        return rates[0], rates[1]
+
+        def rates(far: bool, places: Array, faces: Array) -> Array:
+            inside = np.minimum(places - faces[0], faces[-1] - places)
+            return s.absorbing_rate * np.clip(1.0 - inside / s.absorbing_width, 0.0, 1.0) ** 2 * far
+
+        x, y = self.grid.x_faces, self.grid.y_faces
+        return boundary.Rates(
+            rates(s.far_x, m.xc, x), rates(s.far_y, m.yc, y), rates(s.far_x, m.xf, x), rates(s.far_y, m.yf, y)
+        )
 
     # -- the interval ---------------------------------------------------------------------------------------------
 
@@ -465,7 +468,7 @@ class FlowSolver:
             )  # fmt: skip
             forces.add_and_clear(out, self._change, regions)
         if s.far_x or s.far_y:
-            boundary.relax_velocity(*out, far, *self._rates, dt, self._near)
+            boundary.relax_velocity(*out, far, self._rates, dt, self._near)
         boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
 
         # pressure
@@ -501,7 +504,7 @@ class FlowSolver:
             self._scratch, self._fill_fraction,
         )  # fmt: skip
         if s.far_x or s.far_y:
-            boundary.relax_level(fraction, self.water.depth, *self._rates, dt, m, self._rows)
+            boundary.relax_level(fraction, self.water.depth, self._rates, dt, m, self._rows)
             new.volume_added = old.volume_added + float(np.sum(self._rows[HALO:-HALO]))
             self._fill_fraction(fraction)
 
