@@ -466,7 +466,7 @@ def _largest_share(level: Level, residual: Array, j: int, metrics: Metrics) -> f
 @njit(cache=True, error_model="numpy")
 def _first_residual_row(level: Level, v: Vectors, j: int) -> float:
     """Row j of `first_residual`; its sum, to find what is not a number."""
-    ax, ay, az, extra, pivot, b = level.ax, level.ay, level.az, level.extra, level.pivot, level.b
+    ax, ay, az, extra, b = level.ax, level.ay, level.az, level.extra, level.b
     x, residual = v.solution, v.residual
     sz = U(2 * level.half)
     sy = U(level.nz) * sz

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from exumob.environment import GRAVITY
 from exumob.flow.body import Openness
 from exumob.flow.grid import HALO, Metrics
-from exumob.flow.interface import surface_position
+from exumob.flow.interface import gradient, stack_distance
 from exumob.flow.multigrid import Level, Levels, Outcome, U, clear_row, solve
 from exumob.flow.spans import Spans
 from exumob.states import Array
@@ -67,59 +67,82 @@ def _split(row: Array, lo: int, out: NDArray[np.float32], level: Level, r: int) 
             out[first + U(n)] = row[U(2 * n + s + shift)]
 
 
-@njit(cache=True, error_model="numpy")
-def _surface_terms(
-    j: int, k: int, i: int, fraction: Array, wet: NDArray[np.uint8], solids: Openness, metrics: Metrics, dt: float,
-    level: float, closest: float, stiffness: float, tx: Array, ty: Array, tz: Array,
-) -> tuple[float, float]:  # fmt: skip
-    """What surface and void add to the diagonal [m] and to the right-hand side [m^3/s] of one wet cell."""
-    ny, nz, nx = fraction.shape
+@njit(cache=True, error_model="numpy", inline="always")
+def _distance(
+    c: Array, p: int, axis: int, up: int, at: int, sy: int, sz: int, dx: Array, dy: Array, dz: Array
+) -> float:  # fmt: skip
+    """Distance from a cell's centre to the surface along an axis [m]; `at`: the cell's index there."""
+    if axis == 2:
+        return stack_distance(c, p, sz, up, dz, at, HALO)
+    if axis == 0:
+        return stack_distance(c, p, 1, up, dx, at, 0)
+    return stack_distance(c, p, sy, up, dy, at, 0)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _add_surface(
+    cells: NDArray[np.int64], cell_count: int, j: int, k: int, shape: tuple[int, int, int], c: Array,
+    wet: NDArray[np.uint8], openness: tuple[Array, Array, Array], theta: tuple[Array, Array, Array],
+    widths: tuple[Array, Array, Array], spacings: tuple[Array, Array, Array], heights: Array, dt: float, level: float,
+    closest: float, stiffness: float, begin: int, extra: Array, rhs: Array,
+) -> None:  # fmt: skip
+    """Add what surface and voids give to the diagonal [m] and to the right-hand side [m^3/s] of some cells of a row.
+
+    The surface lies where the distances to it of the wet and of the dry cell say so, both along the axis nearest to
+    its normal at the wet one.
+    """
+    ny, nz, nx = shape
     sy, sz = nz * nx, nx
-    shape = (ny, nz, nx)
-    c = fraction.ravel()
-    p = j * sy + k * sz + i
-    extra, surface, openings = 0.0, 0.0, 0.0
-    enclosed = True
-    for axis in range(3):
-        for side in range(2):
-            jj, kk, ii = j, k, i
-            mj, mk, mi = j, k, i
-            if axis == 0:
-                ii += side
-                mi += 2 * side - 1
-                beta, area, spacing = solids.bx[jj, kk, ii], metrics.dy[j] * metrics.dz[k], metrics.ex[ii]
-                outer = mi < HALO or mi >= nx - HALO
-            elif axis == 1:
-                jj += side
-                mj += 2 * side - 1
-                beta, area, spacing = solids.by[jj, kk, ii], metrics.dx[i] * metrics.dz[k], metrics.ey[jj]
-                outer = mj < HALO or mj >= ny - HALO
-            else:
-                kk += side
-                mk += 2 * side - 1
-                beta, area, spacing = solids.bz[jj, kk, ii], metrics.dx[i] * metrics.dy[j], metrics.ez[kk]
-                outer = mk < HALO or mk >= nz - HALO
-            openings += beta
-            if outer or beta == 0.0 or wet[mj, mk, mi] == 1:
-                continue
-            enclosed = False
-            theta = surface_position(c, p, mj * sy + mk * sz + mi, j, k, i, mj, mk, mi, shape, metrics, closest)
-            if axis == 0:
-                tx[jj, kk, ii] = theta
-            elif axis == 1:
-                ty[jj, kk, ii] = theta
-            else:
-                tz[jj, kk, ii] = theta
-            height = metrics.zc[k] + theta * (metrics.zc[mk] - metrics.zc[k])
-            coupling = beta * area / spacing / theta
-            extra += coupling
-            surface += coupling * dt * GRAVITY * (height - level)
-    if openings > 0.0 and enclosed and fraction[j, k, i] < FULL:
-        volume = metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
-        void = stiffness * (1.0 - fraction[j, k, i]) ** 2 * volume / dt
-        extra += void
-        surface += void * dt * GRAVITY * (metrics.zc[k] - level)
-    return extra, surface
+    bx, by, bz = openness
+    tx, ty, tz = theta
+    dx, dy, dz = widths
+    ex, ey, ez = spacings
+    for n in range(cell_count):
+        i = cells[n]
+        p = (j * nz + k) * nx + i
+        gx, gy, gz = gradient(c, p, 1, sy, sz)
+        steepest = 2 if abs(gz) >= abs(gx) and abs(gz) >= abs(gy) else (0 if abs(gx) >= abs(gy) else 1)
+        up = -1 if (gz if steepest == 2 else (gx if steepest == 0 else gy)) > 0.0 else 1
+        place = k if steepest == 2 else (i if steepest == 0 else j)
+        here = _distance(c, p, steepest, up, place, sy, sz, dx, dy, dz)
+        diagonal, surface, openings = 0.0, 0.0, 0.0
+        enclosed = True
+        for axis in range(3):
+            stride = 1 if axis == 0 else (sy if axis == 1 else sz)
+            at = i if axis == 0 else (j if axis == 1 else k)
+            end = nx if axis == 0 else (ny if axis == 1 else nz)
+            for side in range(2):
+                f, q, m = p + side * stride, p + (2 * side - 1) * stride, at + 2 * side - 1
+                beta = bx[f] if axis == 0 else (by[f] if axis == 1 else bz[f])
+                openings += beta
+                if beta == 0.0 or wet[q] == 1 or m < HALO or m >= end - HALO:
+                    continue
+                enclosed = False
+                there = _distance(c, q, steepest, up, m if axis == steepest else place, sy, sz, dx, dy, dz)
+                if here <= 0.0 or there >= 0.0:  # folded or very thin: interpolate the fraction
+                    share = (c[p] - 0.5) / max(c[p] - c[q], 1e-12)
+                else:
+                    share = here / max(here - there, 1e-12)
+                share = min(max(share, closest), 1.0)
+                height = heights[k]
+                if axis == 0:
+                    tx[f] = share
+                    coupling = beta * (dy[j] * dz[k]) / ex[i + side]
+                elif axis == 1:
+                    ty[f] = share
+                    coupling = beta * (dx[i] * dz[k]) / ey[j + side]
+                else:
+                    tz[f] = share
+                    coupling = beta * (dx[i] * dy[j]) / ez[k + side]
+                    height += share * (heights[m] - height)
+                diagonal += coupling / share
+                surface += coupling / share * dt * GRAVITY * (height - level)
+        if openings > 0.0 and enclosed and c[p] < FULL:
+            void = stiffness * (1.0 - c[p]) ** 2 * dx[i] * dy[j] * dz[k] / dt
+            diagonal += void
+            surface += void * dt * GRAVITY * (heights[k] - level)
+        extra[i - begin] = diagonal
+        rhs[p] += surface
 
 
 @njit(cache=True, error_model="numpy")
@@ -136,6 +159,9 @@ def _assemble_row(
     bx, by, bz = solids.bx.ravel(), solids.by.ravel(), solids.bz.ravel()
     # one cell more on either side: a pair may reach beyond the span
     ax, ay, az, extra, source = np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros(nx)
+    cells = np.empty(nx, np.int64)
+    theta, widths = (tx.ravel(), ty.ravel(), tz.ravel()), (metrics.dx, metrics.dy, metrics.dz)
+    spacings = metrics.ex, metrics.ey, metrics.ez
     for k in range(HALO, nz - HALO):
         lo, hi = int(spans.lo[j, k]), int(spans.hi[j, k])
         count = hi - lo
@@ -172,18 +198,17 @@ def _assemble_row(
             excess = c[p] - 1.0
             value = s1[m] + emptying * dx[m] * (excess if excess > 0.0 else 0.0)
             right[p] = value if (full[p] == 1) & (openings > 0.0) else 0.0
+        found = 0
         for n in range(count):
             p = first + U(n)
-            if full[p] == 0:
-                continue
             inside = full[p - one] & full[p + one] & (full[p - sz] | bed) & (full[p + sz] | roof)
             inside &= (full[p - sy] | front) & (full[p + sy] | back)
-            if inside and c[p] >= FULL:
-                continue
-            e1[n], surface = _surface_terms(
-                j, k, lo + n, fraction, wet, solids, metrics, dt, level, closest, stiffness, tx, ty, tz
-            )
-            right[p] += surface
+            cells[found] = lo + n
+            found += full[p] & (1 - (inside & (c[p] >= FULL)))
+        _add_surface(
+            cells, found, j, k, (ny, nz, nx), c, full, (bx, by, bz), theta, widths, spacings, metrics.zc, dt, level,
+            closest, stiffness, lo - 1, extra, right,
+        )  # fmt: skip
 
         r = j * nz + k
         for row in (ax, ay, az, extra):
