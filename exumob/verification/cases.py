@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from exumob.verification import Case, basins, frames
+from exumob.verification import Case, basins, far_field, frames, waves
 
-CASES: tuple[Case, ...] = (*basins.CASES, *frames.CASES)
+CASES: tuple[Case, ...] = (*basins.CASES, *frames.CASES, *waves.CASES, *far_field.CASES)
