@@ -41,7 +41,9 @@ class SteadyWave:
     reference: float
 
     @classmethod
-    def solve(cls, height: float, length: float, depth: float, harmonics: int, crest: Array | None = None) -> SteadyWave:
+    def solve(
+        cls, height: float, length: float, depth: float, harmonics: int, crest: Array | None = None
+    ) -> SteadyWave:
         """Solve for a wave of given height from trough to crest, length and mean depth [m].
 
         Parameters
@@ -76,7 +78,9 @@ class SteadyWave:
         current = (2.0 * mean * c * (1.0 - 1.0 / eta)) @ np.cos(phase)
         found = root(equations, [*eta, *(current * k * j / np.tanh(k * j)), c, c, 0.5 * c**2 + 1.0], tol=1e-12)
         if not np.abs(equations(found.x)).max() < 1e-9:
-            raise ValueError(f"SteadyWave.solve: no wave of height {height} m, length {length} m in {depth} m of water.")
+            raise ValueError(
+                f"SteadyWave.solve: no wave of height {height} m, length {length} m in {depth} m of water."
+            )
         eta, b, c = found.x[: n + 1], found.x[n + 1 : -3], float(found.x[-3])
         level = np.array([mean @ eta, *(2.0 * (mean * eta) @ np.cos(phase))])
         level[-1] *= 0.5
