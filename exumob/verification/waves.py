@@ -18,7 +18,7 @@ from exumob.verification.initial import TANK, centers, filled_to, fitted_order
 
 @dataclass(frozen=True)
 class SteadyWave:
-    """Exact wave of permanent form on a flat bed, by Fourier series (Rienecker & Fenton, J. Fluid Mech. 104 (1981) 119).
+    """Exact wave of permanent form on a flat bed by Fourier series (Rienecker & Fenton, J. Fluid Mech. 104 (1981)).
 
     Parameters
     ----------
