@@ -6,7 +6,11 @@ import pytest
 
 from exumob.verification.cases import CASES
 
-KNOWN_MISSES: dict[str, tuple[float, str]] = {}
+BLOCKED = "a current slows the waves, which then vanish over a short part of the zone: it is steep for them"
+KNOWN_MISSES = {
+    "waves sent back, 1.0 zone widths long, against 0.5 m/s": (0.11, BLOCKED),
+    "waves sent back, 2.0 zone widths long, against 0.5 m/s": (0.06, BLOCKED),
+}
 """Name of a check -> (largest |error| it may have, why). Such a check must still miss: an improvement is noticed."""
 
 
