@@ -409,7 +409,9 @@ def place_solid(
     j0, j1, k0, k1, i0, i1 = region
     halves = np.ones((j1 - j0, k1 - k0, i1 - i0, 6), dtype=np.float32)
     for j in prange(j0, j1):
-        _measure_row(
+        _measure_row(j, number, kind, parameters, samples, position, rotation, region, metrics, openness)
+    for j in prange(j0, j1):
+        _octants_row(
             j, number, kind, parameters, samples, position, rotation, region, metrics, openness, halves[j - j0]
         )
     for j in prange(j0, j1):
@@ -419,31 +421,75 @@ def place_solid(
 @njit(cache=True, error_model="numpy")
 def _measure_row(
     j: int, number: int, kind: int, parameters: Array, samples: Array, position: Array, rotation: Array,
+    region: NDArray[np.int64], metrics: Metrics, openness: Openness,
+) -> None:  # fmt: skip
+    """Row j of `place_solid`: distances of the cells' centres."""
+    r, y = rotation, metrics.yc[j] - position[1]
+    for k in range(region[2], region[3]):
+        z = metrics.zc[k] - position[2]
+        for i in range(region[4], region[5]):
+            x = metrics.xc[i] - position[0]
+            d, _, _, _ = measure(
+                kind, parameters, samples, r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
+                r[0, 1] * x + r[1, 1] * y + r[2, 1] * z, r[0, 2] * x + r[1, 2] * y + r[2, 2] * z,
+            )  # fmt: skip
+            if d < openness.distance[j, k, i]:
+                openness.distance[j, k, i] = d
+                openness.nearest[j, k, i] = number
+
+
+@njit(cache=True, error_model="numpy")
+def _octants_row(
+    j: int, number: int, kind: int, parameters: Array, samples: Array, position: Array, rotation: Array,
     region: NDArray[np.int64], metrics: Metrics, openness: Openness, halves: NDArray[np.float32],
 ) -> None:  # fmt: skip
-    """Row j of `place_solid`: distances of the cells and mean ramps of their low and high halves along x, y, z."""
+    """Row j of `place_solid`: mean ramps of the cells' low and high halves along x, y, z.
+
+    Where the distance is linear from each neighbour to the opposite one, the wall is flat throughout the cell and the
+    octants follow from the slopes.
+    """
+    d, nearest = openness.distance, openness.nearest
+    ny, nz, nx = d.shape
     dy = metrics.dy[j]
     for k in range(region[2], region[3]):
         dz = metrics.dz[k]
         for i in range(region[4], region[5]):
             dx = metrics.dx[i]
-            x, y, z = metrics.xc[i] - position[0], metrics.yc[j] - position[1], metrics.zc[k] - position[2]
-            center, widths = _distance_in_widths(kind, parameters, samples, rotation, x, y, z, dx, dy, dz)
-            if center < openness.distance[j, k, i]:
-                openness.distance[j, k, i] = center
-                openness.nearest[j, k, i] = number
-            if widths > 0.9:  # a quarter of a cell to the octant, half for the ramp, and something for curvature
+            reach = 0.9 * (dx + dy + dz)
+            here = d[j, k, i]
+            if here > reach:
                 continue
             half = halves[k - region[2], i - region[4]]
+            if nearest[j, k, i] == number and here < -reach:
+                half[:] = 0.0
+                continue
+            flat, gx, gy, gz = False, 0.0, 0.0, 0.0
+            if nearest[j, k, i] == number and 0 < i < nx - 1 and 0 < j < ny - 1 and 0 < k < nz - 1:
+                gx, gx_low = (d[j, k, i + 1] - here) / metrics.ex[i + 1], (here - d[j, k, i - 1]) / metrics.ex[i]
+                gy, gy_low = (d[j + 1, k, i] - here) / metrics.ey[j + 1], (here - d[j - 1, k, i]) / metrics.ey[j]
+                gz, gz_low = (d[j, k + 1, i] - here) / metrics.ez[k + 1], (here - d[j, k - 1, i]) / metrics.ez[k]
+                flat = abs(gx - gx_low) + abs(gy - gy_low) + abs(gz - gz_low) < 1e-6
+            x, y, z = metrics.xc[i] - position[0], metrics.yc[j] - position[1], metrics.zc[k] - position[2]
+            if flat:
+                scale = 1.0 / (abs(gx) * dx + abs(gy) * dy + abs(gz) * dz)
+                widths = here * scale
+            else:
+                scale = 0.0
+                _, widths = _distance_in_widths(kind, parameters, samples, rotation, x, y, z, dx, dy, dz)
+            if widths > 0.9:  # a quarter of a cell to the octant, half for the ramp, and something for curvature
+                continue
             half[:] = 0.0
             if widths < -0.9:
                 continue
             for n in range(8):
                 a, b, c = n & 1, (n >> 1) & 1, n >> 2
-                _, part = _distance_in_widths(
-                    kind, parameters, samples, rotation, x + (0.5 * a - 0.25) * dx, y + (0.5 * b - 0.25) * dy,
-                    z + (0.5 * c - 0.25) * dz, dx, dy, dz,
-                )  # fmt: skip
+                ox, oy, oz = (0.5 * a - 0.25) * dx, (0.5 * b - 0.25) * dy, (0.5 * c - 0.25) * dz
+                if flat:
+                    part = (here + gx * ox + gy * oy + gz * oz) * scale
+                else:
+                    _, part = _distance_in_widths(
+                        kind, parameters, samples, rotation, x + ox, y + oy, z + oz, dx, dy, dz
+                    )  # fmt: skip
                 value = np.float32(0.25 * ramp(2.0 * part))
                 half[a] += value
                 half[2 + b] += value

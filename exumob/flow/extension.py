@@ -61,7 +61,8 @@ def extend(
     value, given, c, is_wet = e.ravel(), q.ravel(), fraction.ravel(), wet.ravel()
     beta, mark = open_faces.ravel(), label.ravel()
     lo, hi = spans
-    unknown = np.zeros((ny, nz), dtype=np.int32)
+    drop = GRAVITY * dt if axis == 2 else 0.0
+    unknown, labelled = np.zeros((ny, nz), dtype=np.int32), np.zeros((ny, nz), dtype=np.int32)
     for j in prange(ny):
         for k in range(nz):
             start = (j * nz + k) * nx
@@ -84,15 +85,19 @@ def extend(
                     p = np.uintp(start + i)
                     if first <= i < last and mark[p] == 0:
                         mark[p] = OUTSIDE
-            unknown[j, k] = missing
+            unknown[j, k], labelled[j, k] = missing, max(last - first, 0) - missing
     for layer in range(2, 2 + LAYERS):
         for j in prange(HALO, ny - HALO):  # labels of this very layer count as unknown: the order does not matter
             averages, labels = np.empty(nx), np.empty(nx, dtype=np.uint8)
             for k in range(HALO, nz - HALO):
-                if unknown[j, k] > 0:
-                    first, last = max(lo[j, k], HALO), min(hi[j, k], nx - HALO)
-                    start = (j * nz + k) * nx + first
-                    _average_row(value, mark, start, last - first, sy, sz, np.uint8(layer), averages, labels)
+                around = labelled[j - 1, k] + labelled[j + 1, k] + labelled[j, k - 1] + labelled[j, k + 1]
+                if unknown[j, k] == 0 or around + labelled[j, k] == 0:
+                    continue
+                first, last = max(lo[j, k], HALO), min(hi[j, k], nx - HALO)
+                start = (j * nz + k) * nx + first
+                labelled[j, k] += _average_row(
+                    value, mark, start, last - first, sy, sz, np.uint8(layer), averages, labels
+                )  # fmt: skip
     for j in prange(HALO, ny - HALO):
         for k in range(HALO, nz - HALO):
             if unknown[j, k] == 0:
@@ -100,42 +105,49 @@ def extend(
             start = (j * nz + k) * nx
             for i in range(start + max(lo[j, k], HALO), start + min(hi[j, k], nx - HALO)):
                 p = np.uintp(i)
-                if mark[p] == OUTSIDE:
-                    continue
-                if mark[p] == 0:
-                    if c[p] <= 0.0 and c[p - own] <= 0.0:
-                        value[p] = far
-                    elif axis == 2:
-                        value[p] = max(value[p] - GRAVITY * dt, -FASTEST_FALL)
-                if not ((is_wet[p] | is_wet[p - own]) != 0 and beta[p] > 0.0):
-                    given[p] = value[p]
+                here, label_here = value[p], mark[p]
+                fallen = here - drop
+                fallen = fallen if fallen > -FASTEST_FALL or axis != 2 else -FASTEST_FALL
+                alone = fallen if c[p] > 0.0 or c[p - own] > 0.0 else far
+                here = alone if label_here == 0 else here
+                value[p] = here
+                projected = (is_wet[p] | is_wet[p - own]) != 0 and beta[p] > 0.0
+                given[p] = given[p] if projected or label_here == OUTSIDE else here
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _pair(q: Array, mark: NDArray[np.uint8], low: int, high: int, lowest: int) -> tuple[float, float]:
+    """Sum and number of the two faces that carry labels 1 to `lowest`."""
+    a = 1.0 if np.uint8(mark[low] - np.uint8(1)) < lowest else 0.0
+    b = 1.0 if np.uint8(mark[high] - np.uint8(1)) < lowest else 0.0
+    return a * q[low] + b * q[high], a + b
 
 
 @njit(cache=True, error_model="numpy")
 def _average_row(
     q: Array, mark: NDArray[np.uint8], start: int, n: int, sy: int, sz: int, layer: int, averages: Array,
     labels: NDArray[np.uint8],
-) -> None:  # fmt: skip
+) -> int:  # fmt: skip
     """Give unknown faces of a row the mean of their neighbours of lower layers, if there are any, and a label.
 
-    Pairs are added first, so that mirrored flows stay mirrored to the last bit.
+    Returns how many got one. Pairs are added first, so that mirrored flows stay mirrored to the last bit.
     """
-    one, lowest = np.uintp(1), np.uint8(layer - 1)
+    one, lowest, count = np.uintp(1), np.uint8(layer - 1), 0
     for m in range(n):
         p = np.uintp(start + m)
-        total, weight = 0.0, 0.0
-        for s in (sz, sy, one):
-            a = np.uint8(mark[p - s] - np.uint8(1)) < lowest  # labels 1 to layer - 1
-            b = np.uint8(mark[p + s] - np.uint8(1)) < lowest
-            total += (q[p - s] if a else 0.0) + (q[p + s] if b else 0.0)
-            weight += (1.0 if a else 0.0) + (1.0 if b else 0.0)
+        z_sum, z_weight = _pair(q, mark, p - sz, p + sz, lowest)
+        y_sum, y_weight = _pair(q, mark, p - sy, p + sy, lowest)
+        x_sum, x_weight = _pair(q, mark, p - one, p + one, lowest)
+        total, weight = (z_sum + y_sum) + x_sum, (z_weight + y_weight) + x_weight
         reached = mark[p] == 0 and weight > 0.0
-        averages[m] = total / weight if reached else q[p]
+        averages[m] = total / (weight if reached else 1.0) if reached else q[p]
         labels[m] = np.uint8(layer) if reached else mark[p]
+        count += 1 if reached else 0
     for m in range(n):
         p = np.uintp(start + m)
         q[p] = averages[m]
         mark[p] = labels[m]
+    return count
 
 
 @njit(cache=True, error_model="numpy", parallel=True)

@@ -19,10 +19,13 @@ from exumob.flow.grid import HALO, Metrics
 from exumob.flow.spans import Spans
 from exumob.states import Array
 
+Single = NDArray[np.float32]
 SHARPNESS = 3.5
 """Slope of the THINC profile [-] (Yokoi 2007): about 1.5 cells between 5 % and 95 %."""
 EMPTY = 1.0e-9
 """Fractions nearer to 0 or 1 than this count as air or water [-]."""
+UNKNOWN = np.float32(2.0)
+"""Orientation of a cell that the surface did not pass when the step began."""
 EXP_ONE, EXP_TWO = math.exp(SHARPNESS), math.exp(2.0 * SHARPNESS)
 STACK = 3
 """Cells searched on either side for the height of the surface."""
@@ -140,10 +143,38 @@ def thinc_flux(c: float, rising: float, courant: float) -> float:
     return math.copysign(min(max(mean, 0.0), min(size, c)), courant)
 
 
+@njit(cache=True, error_model="numpy")
+def _orientation(c: Array, p: int, sy: int, sz: int) -> tuple[float, float, float]:
+    """Gradient of the fraction over the sum of its absolute components; 0 if there is none."""
+    gx, gy, gz = gradient(c, p, sy, sz)
+    total = abs(gx) + abs(gy) + abs(gz)
+    if total <= 1e-12:
+        return 0.0, 0.0, 0.0
+    return gx / total, gy / total, gz / total
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def orient(fraction: Array, orientation: tuple[Single, Single, Single], spans: Spans) -> None:
+    """Orientation of the surface in every cell it passes; `UNKNOWN` in others."""
+    ny, nz, nx = fraction.shape
+    c = fraction.ravel()
+    ox, oy, oz = orientation[0].ravel(), orientation[1].ravel(), orientation[2].ravel()
+    lo, hi = spans
+    for j in prange(HALO, ny - HALO):
+        for k in range(HALO, nz - HALO):
+            start = (j * nz + k) * nx
+            for i in range(start + max(lo[j, k], HALO), start + min(hi[j, k], nx - HALO)):
+                p = np.uintp(i)
+                ox[p] = UNKNOWN
+                if EMPTY < c[p] < 1.0 - EMPTY:
+                    ox[p], oy[p], oz[p] = _orientation(c, i, nz * nx, nx)
+
+
 @njit(cache=True, error_model="numpy", parallel=True)
 def sweep_fluxes(
-    fraction: Array, flow: Array, axis: int, dt: float, spans: Spans, metrics: Metrics, flux: Array
-) -> None:
+    fraction: Array, flow: Array, axis: int, dt: float, orientation: tuple[Single, Single, Single], spans: Spans,
+    metrics: Metrics, flux: Array,
+) -> None:  # fmt: skip
     """Volume of water through each low face along one axis, per face area [m].
 
     Parameters
@@ -152,6 +183,8 @@ def sweep_fluxes(
         Fraction [-] and velocity relative to the grid [m/s].
     axis : int
         0 x, 1 y, 2 z.
+    orientation : three arrays
+        Of the surface at the begin of the step, from `orient`.
     spans : Spans
         Cells whose low faces are visited.
     flux : array, changed
@@ -163,31 +196,36 @@ def sweep_fluxes(
     back = np.uintp(stride)
     widths = metrics.dx if axis == 0 else (metrics.dy if axis == 1 else metrics.dz)
     c, u, f = fraction.ravel(), flow.ravel(), flux.ravel()
+    along, known = orientation[axis].ravel(), orientation[0].ravel()
     lo, hi = spans
     for j in prange(HALO, ny - HALO + 1):
         for k in range(HALO, nz - HALO + 1):
             start = (j * nz + k) * nx
             first, last = max(lo[j, k], HALO), min(hi[j, k], nx - HALO + 1)
+            cut = 0
             for i in range(start + first, start + last):  # full and empty donors
                 p = np.uintp(i)
                 value = c[p - back] if u[p] > 0.0 else c[p]
                 f[p] = dt * u[p] * (value if value > EMPTY else 0.0)
+                cut += 1 if EMPTY < value < 1.0 - EMPTY else 0
+            if cut == 0:
+                continue
             for i in range(first, last):
-                p = start + i
-                donor = p - stride if u[p] > 0.0 else p
+                p = np.uintp(start + i)
+                donor = p - back if u[p] > 0.0 else p
                 value = c[donor]
                 if value <= EMPTY or value >= 1.0 - EMPTY:
                     continue
-                gx, gy, gz = gradient(c, donor, sy, sz)
-                slope = gx if axis == 0 else (gy if axis == 1 else gz)
-                total = abs(gx) + abs(gy) + abs(gz)
-                if slope == 0.0 or total <= 1e-12:
+                slope = np.float64(along[donor])
+                if known[donor] == UNKNOWN:
+                    turned = _orientation(c, np.intp(donor), sy, sz)
+                    slope = turned[axis]
+                if slope == 0.0:
                     continue
                 m = i if axis == 0 else (j if axis == 1 else k)
                 width = widths[m - 1] if u[p] > 0.0 else widths[m]
-                weight = abs(slope) / total
                 passed = width * thinc_flux(value, math.copysign(1.0, slope), dt * u[p] / width)
-                f[p] = weight * passed + (1.0 - weight) * f[p]
+                f[p] = abs(slope) * passed + (1.0 - abs(slope)) * f[p]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
@@ -393,7 +431,8 @@ def release_surface(
 
 def transport(
     fraction: Array, begin: Array, flow: tuple[Array, Array, Array], order: tuple[int, int, int], dt: float,
-    faces: Spans, cells: Spans, metrics: Metrics, flux: Array, fill: Callable[[Array], None],
+    orientation: tuple[Single, Single, Single], faces: Spans, cells: Spans,
+    metrics: Metrics, flux: Array, fill: Callable[[Array], None],
 ) -> None:  # fmt: skip
     """Carry the fraction over one step; `fill(fraction)` sets the halo after each sweep.
 
@@ -409,11 +448,14 @@ def transport(
         Order of the sweeps (changed from step to step).
     dt : float
         [s]
+    orientation : three arrays, changed
+        Work space.
     faces, cells : Spans
         Water, 4 and 3 cells wider: each sweep can wet one more cell.
     """
+    orient(fraction, orientation, cells)
     for axis in order:
-        sweep_fluxes(fraction, flow[axis], axis, dt, faces, metrics, flux)
+        sweep_fluxes(fraction, flow[axis], axis, dt, orientation, faces, metrics, flux)
         sweep_update(fraction, begin, flow[axis], flux, axis, dt, cells, metrics)
         fill(fraction)
     remove_dilatation(fraction, begin, flow, dt, cells, metrics)

@@ -278,6 +278,8 @@ class FlowSolver:
         self._flow = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self._change = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self._theta = tuple(np.ones(shape) for _ in range(3))
+        unknown = np.full(shape, interface.UNKNOWN)
+        self._orientation = unknown, unknown.copy(), unknown.copy()
         self._label = np.zeros(shape, dtype=np.uint8)
         # spans of the wet cells, of these one cell wider, and of all water 3 and 4 cells wider
         self._wet, self._active, self._cells, self._near = (Spans.empty(shape) for _ in range(4))
@@ -473,16 +475,15 @@ class FlowSolver:
         boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
 
         # pressure
-        top = int(np.nonzero((self._wet.lo < self._wet.hi).any(axis=0))[0].max(initial=HALO))
         np.multiply(old.phi, dt / old.phi_dt, out=new.phi)
         pressure.assemble(
             *out, fraction, new.wet, openness, m, dt, self.water.depth, s.closest_surface, s.void_stiffness,
-            top, *self._theta, self.levels.levels[0], self.levels.rhs,
+            self._wet, *self._theta, self.levels.levels[0], self.levels.rhs,
         )  # fmt: skip
-        solved = pressure.solve(self.levels, new.phi, m, dt, top, s.tolerance, s.iterations, s.closed_top)
+        solved = pressure.solve(self.levels, new.phi, m, dt, self._wet, s.tolerance, s.iterations, s.closed_top)
         if not solved.converged and not solved.residual < 1e3 * s.tolerance:
             return fail(f"the pressure did not converge (divergence times step {solved.residual:.1e})")
-        pressure.project(*out, new.phi, new.wet, openness, m, dt, self.water.depth, top, *self._theta)
+        pressure.project(*out, new.phi, new.wet, openness, m, dt, self.water.depth, self._wet, *self._theta)
 
         # free surface: extended velocity, transport, far field
         for axis in range(3):
@@ -501,7 +502,8 @@ class FlowSolver:
         begin = self.levels.rhs  # free by now
         begin[:] = fraction
         interface.transport(
-            fraction, begin, self._flow, SWEEPS[old.steps % len(SWEEPS)], dt, self._near, self._cells, m,
+            fraction, begin, self._flow, SWEEPS[old.steps % len(SWEEPS)], dt,
+            self._orientation, self._near, self._cells, m,
             self._scratch, self._fill_fraction,
         )  # fmt: skip
         if s.far_x or s.far_y:
