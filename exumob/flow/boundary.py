@@ -11,6 +11,10 @@ from exumob.flow.grid import HALO, Metrics
 from exumob.flow.spans import Spans
 from exumob.states import Array
 
+ALONG_THE_SIDE = 0.25
+"""Share of the rate that acts on the velocity along a side [-]. Damping it as fast as the rest sends oblique waves
+back (a perfectly matched layer leaves it alone); without any, currents along the side would stay."""
+
 
 class Rates(NamedTuple):
     """How fast the far field draws the water towards still water or the current [1/s], halo included.
@@ -131,8 +135,10 @@ def relax_velocity(u: Array, v: Array, w: Array, far: Array, rates: Rates, dt: f
         for k in range(HALO, nz - HALO):
             for i in range(max(lo[j, k], HALO), min(hi[j, k], nx - HALO + 1)):
                 if max(x[i], y[j], x_faces[i], y_faces[j]) > 0.0:
-                    u[j, k, i] = far[0] + (u[j, k, i] - far[0]) / (1.0 + dt * max(x_faces[i], y[j]))
-                    v[j, k, i] = far[1] + (v[j, k, i] - far[1]) / (1.0 + dt * max(x[i], y_faces[j]))
+                    across_x = max(x_faces[i], ALONG_THE_SIDE * y[j])
+                    across_y = max(ALONG_THE_SIDE * x[i], y_faces[j])
+                    u[j, k, i] = far[0] + (u[j, k, i] - far[0]) / (1.0 + dt * across_x)
+                    v[j, k, i] = far[1] + (v[j, k, i] - far[1]) / (1.0 + dt * across_y)
                     if k > HALO:
                         w[j, k, i] = w[j, k, i] / (1.0 + dt * max(x[i], y[j]))
 

@@ -43,8 +43,10 @@ class FlowSettings:
         absorbs waves); walls otherwise.
     absorbing_width : float
         Of that zone [m].
-    absorbing_rate : float
-        Relaxation rate at the very side [1/s]; it falls with the square of the distance.
+    absorbing_strength : float
+        Relaxation rate at the very side, times the zone's width over sqrt(g depth) [-]; it falls with the square of
+        the distance. A long wave comes back from a side with exp(-2/3 strength) of its height; more strength than
+        needed for that reflects waves on the way in.
     closed_top : bool
         True: the top is a wall, for basins full of water.
     closure : object or None
@@ -77,7 +79,7 @@ class FlowSettings:
     far_x: bool = True
     far_y: bool = True
     absorbing_width: float = 0.6
-    absorbing_rate: float = 20.0
+    absorbing_strength: float = 8.0
     closed_top: bool = False
     closure: turbulence.Closure | None = DEFAULT_CLOSURE
     viscosity: float = turbulence.MOLECULAR_VISCOSITY
@@ -97,7 +99,7 @@ class FlowSettings:
             "FlowSettings", absorbing_width=self.absorbing_width, tolerance=self.tolerance, fastest=self.fastest,
             iterations=self.iterations,
         )  # fmt: skip
-        require_within("FlowSettings", 0.0, 1.0e3, absorbing_rate=self.absorbing_rate)
+        require_within("FlowSettings", 0.0, 1.0e2, absorbing_strength=self.absorbing_strength)
         require_within("FlowSettings", 0.0, 1.0e5, void_stiffness=self.void_stiffness)
         require_within("FlowSettings", 0.0, 1.0, viscosity=self.viscosity)
         require_within(
@@ -294,10 +296,11 @@ class FlowSolver:
 
     def _absorbing_rates(self) -> boundary.Rates:
         s, m = self.settings, self.metrics
+        largest = s.absorbing_strength * math.sqrt(GRAVITY * self.water.depth) / s.absorbing_width
 
         def rates(far: bool, places: Array, faces: Array) -> Array:
             inside = np.minimum(places - faces[0], faces[-1] - places)
-            return s.absorbing_rate * np.clip(1.0 - inside / s.absorbing_width, 0.0, 1.0) ** 2 * far
+            return largest * np.clip(1.0 - inside / s.absorbing_width, 0.0, 1.0) ** 2 * far
 
         x, y = self.grid.x_faces, self.grid.y_faces
         return boundary.Rates(

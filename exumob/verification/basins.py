@@ -155,7 +155,7 @@ def pressure_effort() -> list[Check]:
         grid = Grid.uniform((-1.5, -1.5, 0), (1.5, 1.5, 0.3), cell)
         solver = started(grid, Water(0.12), TANK, hump(grid, 0.12, 0.03, 0.3))
         steps, iterations = 0, 0
-        for n in range(5):
+        for n in range(4):
             solver.advance(0.2 * cell * (n + 1))
             steps, iterations = steps + solver.report.steps, iterations + solver.report.iterations
         counts.append(iterations / steps)

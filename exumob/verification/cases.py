@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from exumob.verification import Case, basins, bodies, columns, dam_breaks, floating, frames, waves
+from exumob.verification import Case, basins, bodies, columns, dam_breaks, far_field, floating, frames, waves
 
 CASES: tuple[Case, ...] = (
-    *basins.CASES, *frames.CASES, *waves.CASES, *bodies.CASES, *floating.CASES, *dam_breaks.CASES, *columns.CASES,
+    *basins.CASES, *frames.CASES, *waves.CASES, *far_field.CASES, *bodies.CASES, *floating.CASES, *dam_breaks.CASES,
+    *columns.CASES,
 )  # fmt: skip

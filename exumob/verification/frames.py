@@ -142,5 +142,5 @@ def mirror() -> list[Check]:
 CASES: Sequence[Case] = (
     Case("uniform-current", "A uniform current stays uniform whatever the grid does", uniform_current, 0.1),
     Case("galilean", "Waves seen from a grid at rest, carried along, moving and yawing", galilean, 0.4),
-    Case("mirror", "A flow and its mirror image", mirror, 0.1),
+    Case("mirrored-waves", "Waves on a yawing grid and their mirror image", mirror, 0.1),
 )

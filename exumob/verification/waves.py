@@ -18,7 +18,7 @@ from exumob.verification.initial import TANK, centers, filled_to, fitted_order
 
 @dataclass(frozen=True)
 class SteadyWave:
-    """Exact wave of permanent form on a flat bed, by Fourier series (Rienecker & Fenton, J. Fluid Mech. 104 (1981) 119).
+    """Exact wave of permanent form on a flat bed by Fourier series (Rienecker & Fenton, J. Fluid Mech. 104 (1981)).
 
     Parameters
     ----------
@@ -230,26 +230,27 @@ def solitary() -> list[Check]:
 
 
 def waves_order() -> list[Check]:
-    """Both waves on three grids."""
-    counts, checks = (6, 9, 14), []
-    waves = [stokes_run(n) for n in counts]
-    for n, (wave, speed, loss) in zip(counts, waves, strict=True):
+    """Both waves on three grids; the order is that of the Stokes wave's speed.
+
+    The solitary wave's speed is too near the exact one on all of them to fit an order, and so are the losses of height.
+    """
+    counts, checks, errors = (6, 9, 14), [], []
+    for n in counts:
+        wave, speed, loss = stokes_run(n)
+        errors.append(speed / wave.speed - 1.0)
         checks.append(reported(f"Stokes wave, speed, {n} cells per depth", speed, wave.speed, "m/s"))
         checks.append(reported(f"Stokes wave, loss of height per wavelength, {n} cells per depth", loss, 0.0))
-    cells = [1.0 / n for n in counts]
-    losses = fitted_order(cells, [loss for _, _, loss in waves])
-    checks.append(at_least("Stokes wave, order at which the loss falls", losses, 1.0))
-    lone = [solitary_run(n) for n in counts]
-    for n, (speed, exact, loss) in zip(counts, lone, strict=True):
-        checks.append(reported(f"solitary wave, speed, {n} cells per depth", speed, exact, "m/s"))
+    order = fitted_order([1.0 / n for n in counts], errors)
+    checks.append(at_least("Stokes wave, order of convergence of the speed", order, 1.0))
+    for n in counts:
+        speed, exact, loss = solitary_run(n)
+        checks.append(relative(f"solitary wave, speed, {n} cells per depth", speed, exact, 0.01, "m/s"))
         checks.append(reported(f"solitary wave, loss of height per 10 depths, {n} cells per depth", loss, 0.0))
-    losses = fitted_order(cells, [loss for _, _, loss in lone])
-    checks.append(at_least("solitary wave, order at which the loss falls", losses, 1.0))
     return checks
 
 
 CASES: Sequence[Case] = (
     Case("stokes-wave", "Stokes wave against the exact wave (Rienecker & Fenton 1981)", stokes, 0.2),
     Case("solitary-wave", "Solitary wave against the exact wave (Rienecker & Fenton 1981)", solitary, 0.15),
-    Case("waves-order", "Both waves on three grids: speed, loss of height, order", waves_order, 1.5, slow=True),
+    Case("waves-order", "Both waves on three grids: speed, loss of height, order", waves_order, 0.8, slow=True),
 )
