@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from exumob.verification import Case, basins, bodies, columns, dam_breaks, floating, frames, waves
+from exumob.verification import Case, basins, bodies, columns, dam_breaks, floating, frames, squat, towing, waves
 
 CASES: tuple[Case, ...] = (
     *basins.CASES, *frames.CASES, *waves.CASES, *bodies.CASES, *floating.CASES, *dam_breaks.CASES, *columns.CASES,
+    *squat.CASES, *towing.CASES,
 )  # fmt: skip

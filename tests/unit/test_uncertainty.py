@@ -50,7 +50,12 @@ def test_slow_and_equal_values():
 
 
 def test_bad_input():
-    for sizes, values in (((1, 2), (1, 2)), ((1, 1, 2), (1, 2, 3)), ((0, 1, 2), (1, 2, 3)), ((1, 2, 3), (1, 2, np.nan))):
+    for sizes, values in (
+        ((1, 2), (1, 2)),
+        ((1, 1, 2), (1, 2, 3)),
+        ((0, 1, 2), (1, 2, 3)),
+        ((1, 2, 3), (1, 2, np.nan)),
+    ):
         with pytest.raises(ValueError, match="grid_convergence"):
             grid_convergence(sizes, values)
     with pytest.raises(ValueError, match="mean_uncertainty"):
