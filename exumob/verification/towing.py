@@ -180,8 +180,9 @@ def worst_run(
     motion = CaptiveMotion(1.0, wheel_speed=10.0, ramp_time=min(1.0, 0.4 * duration))
     return finished_run(
         paper_vehicle(), Water(DEPTH, current_speed=1.0), motion, cell_size=cell_size, duration=duration,
-        interval=interval, grid=grid, settings=FlowSettings(threads=threads), snapshots=0.004 * max(round(duration / 0.32), 1),
-        allow_coarse=allow_coarse, label=f"{label}, {1e3 * cell_size:g} mm, {1e3 * interval:g} ms",
+        interval=interval, grid=grid, settings=FlowSettings(threads=threads),
+        snapshots=0.004 * max(round(duration / 0.32), 1), allow_coarse=allow_coarse,
+        label=f"{label}, {1e3 * cell_size:g} mm, {1e3 * interval:g} ms",
     )  # fmt: skip
 
 
