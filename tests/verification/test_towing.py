@@ -3,12 +3,14 @@
 The cases themselves are slow ones of `exumob verify`.
 """
 
+import inspect
 import math
 
 import numpy as np
 import pytest
 
 from exumob.environment import Water
+from exumob.flow.captive_checks import check_resolution
 from exumob.verification import runs, squat, towing
 
 QUICK = {"cell_size": 0.04, "duration": 0.12, "interval": 0.002, "allow_coarse": True}
@@ -75,3 +77,10 @@ def test_slender_hull():
     loads = squat.squat_loads(0.5, cell_size=0.04, duration=0.1, interval=0.005, ramp_time=0.08)
     assert np.all(np.isfinite(loads))
     assert loads[2] < 0.0
+
+
+@pytest.mark.parametrize("measure", [towing.towed_held, towing.worst_case])
+def test_default_cells_are_fine_enough(measure):
+    cell_size = inspect.signature(measure).parameters["cell_size"].default
+    vehicle, water = towing.paper_vehicle(), Water(towing.DEPTH)
+    check_resolution(vehicle, towing.captive_grid(vehicle, cell_size, water))
