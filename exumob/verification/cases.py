@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
-from exumob.verification import Case, basins, bodies, columns, dam_breaks, far_field, floating, frames, waves
+from exumob.verification import (
+    Case,
+    basins,
+    bodies,
+    columns,
+    dam_breaks,
+    far_field,
+    floating,
+    frames,
+    squat,
+    towing,
+    waves,
+)
 
 CASES: tuple[Case, ...] = (
     *basins.CASES, *frames.CASES, *waves.CASES, *far_field.CASES, *bodies.CASES, *floating.CASES, *dam_breaks.CASES,
-    *columns.CASES,
+    *columns.CASES, *squat.CASES, *towing.CASES,
 )  # fmt: skip

@@ -30,6 +30,16 @@ def test_lane_change_study_shows_what_water_does():
     assert calm["buoyed_share"] == pytest.approx(0.37, abs=0.03)  # displaced 16.6 kg upright at ride height, of 57 kg
 
 
+def test_captive_resistance_study_grows_with_speed():
+    """Twice the speed: the hull's resistance grows, and both hull and wheels are held back from the start."""
+    study = load_study("captive_resistance")
+    result = study.main(quick=True)
+    drag = result["resistance"]
+    assert bool((drag > 0.0).all())
+    assert float(drag.sel(part="vehicle", froude=1.0)) > 2.0 * float(drag.sel(part="vehicle", froude=0.5))
+    assert study.plot(result).axes
+
+
 @pytest.mark.parametrize("file", sorted((ROOT / "vehicle_models").glob("[!_]*.py")), ids=lambda p: p.stem)
 def test_vehicle_file_drives_straight_on_firm_soil(file):
     """A vehicle file is all it takes: it settles, drives off and reaches the speed of its wheels less some slip."""

@@ -1,0 +1,86 @@
+"""The vehicle-level measurements run: each for a fraction of a second on the coarsest grid; no number counts yet.
+
+The cases themselves are slow ones of `exumob verify`.
+"""
+
+import inspect
+import math
+
+import numpy as np
+import pytest
+
+from exumob.environment import Water
+from exumob.flow.captive_checks import check_resolution
+from exumob.verification import runs, squat, towing
+
+QUICK = {"cell_size": 0.04, "duration": 0.12, "interval": 0.002, "allow_coarse": True}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def folder(tmp_path_factory):
+    """Finished runs go to a folder of the test's own."""
+    place = tmp_path_factory.mktemp("runs")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(runs.FOLDER, str(place))
+        patch.setattr(runs, "_kept", {})
+        yield place
+
+
+def value_of(checks, name):
+    return next(check for check in checks if check.name == name)
+
+
+def test_towed_and_held_agree_from_the_first_steps():
+    checks = towing.towed_held(**QUICK)
+    assert len(checks) == 5 and all(check.passed for check in checks)
+
+
+def test_resistance_is_found_and_compared():
+    checks = towing.resistance_hump((0.7, 1.0), **QUICK)
+    assert value_of(checks, "hull, depth Froude number of the largest coefficient").value in (0.7, 1.0)
+    assert all(math.isfinite(check.value) for check in checks)
+
+
+def test_worst_case_grids_and_finished_runs(folder, monkeypatch):
+    checks = towing.worst_case(**QUICK)
+    assert value_of(checks, "loads that are not numbers").passed
+    assert all(math.isfinite(check.value) for check in checks)
+    quick = QUICK | {"cell_sizes": (0.044, 0.04, 0.048)}
+    del quick["cell_size"]
+    found = towing.load_convergence(**quick)
+    assert np.all(np.isfinite(found["mean_gci"])) and found.sizes["load"] == len(towing.LOADS)
+    assert len(towing.grid_convergence_case(**quick)) == 8 * len(towing.LOADS)
+    towing.plot_convergence(found)
+
+    monkeypatch.setattr(runs, "_kept", {})  # as another process would find it
+    monkeypatch.setattr(runs, "captive_run", None)
+    again = towing.load_convergence(**quick)
+    assert np.array_equal(again["mean"], found["mean"])
+
+
+def test_window_and_step_comparisons_run():
+    checks = towing.compared("itself", *[towing.worst_run(0.04, 0.12, 0.002, allow_coarse=True)] * 2, limit=0.0)
+    assert all(check.error == 0.0 for check in checks)
+    vehicle, water = towing.paper_vehicle(), Water(towing.DEPTH)
+    normal, wide = towing.captive_grid(vehicle, 0.04, water), towing.doubled_grid(vehicle, 0.04, water)
+    for name in ("x_faces", "y_faces"):
+        assert np.ptp(getattr(wide, name)) == pytest.approx(2.0 * np.ptp(getattr(normal, name)), rel=0.05)
+    assert np.array_equal(wide.z_faces, normal.z_faces)
+
+
+def test_slender_hull():
+    """Its theory is Hooft's formula with 1.43 for 1.46; a few steps give loads without side force."""
+    displacement = 2.0 / 3.0 * squat.LENGTH * squat.BREADTH * squat.DRAUGHT
+    stiffness = 9810.0 * 2.0 / 3.0 * squat.LENGTH * squat.BREADTH
+    sinkage = -squat.slender_body_lift(0.5) / stiffness
+    assert sinkage == pytest.approx(1.432 * displacement / squat.LENGTH**2 * 0.25 / math.sqrt(0.75), rel=2e-3)
+    loads = squat.squat_loads(0.5, cell_size=0.04, duration=0.1, interval=0.005, ramp_time=0.08)
+    assert np.all(np.isfinite(loads))
+    assert loads[2] < 0.0
+
+
+@pytest.mark.parametrize("measure", [towing.towed_held, towing.worst_case])
+def test_default_cells_are_fine_enough(measure):
+    cell_size = inspect.signature(measure).parameters["cell_size"].default
+    vehicle, water = towing.paper_vehicle(), Water(towing.DEPTH)
+    check_resolution(vehicle, towing.captive_grid(vehicle, cell_size, water))
