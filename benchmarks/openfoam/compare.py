@@ -164,7 +164,9 @@ def buoyancy(situation: Situation) -> float:
 def table(situation: Situation, data: xr.Dataset) -> str:
     """Markdown table of the means after the start."""
     lines = [f"| {situation.about} | exumob | interFoam | difference |", "|---|---:|---:|---:|"]
-    lines += [f"| {n} | {a:.3f} | {b:.3f} | {d:+.1f} % |" for n, a, b, d in rows(situation, data)]
+    for name, ours, theirs, difference in rows(situation, data):
+        apart = f"{difference:+.1f} %" if abs(difference) < 300.0 else "-"  # of next to nothing
+        lines.append(f"| {name} | {ours:.3f} | {theirs:.3f} | {apart} |")
     return "\n".join(lines)
 
 

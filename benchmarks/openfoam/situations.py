@@ -158,8 +158,8 @@ BOX = Situation(
 )  # fmt: skip
 """The vehicle's hull without rake, as deep in the water as at D60."""
 COLUMN = Situation(
-    name="square-column", about="square column, side 0.10 m, 0.5 m/s", size=(0.1, 0.1, 0.4),
-    center=(0.0, 0.0, 0.19), depth=0.12, current=0.5, low=(-1.2, -0.8, 0.0), high=(1.2, 0.8, 0.24),
+    name="square-column", about="square column, side 0.10 m, 0.5 m/s", size=(0.1, 0.1, 0.388),
+    center=(0.0, 0.0, 0.186), depth=0.12, current=0.5, low=(-1.2, -0.8, 0.0), high=(1.2, 0.8, 0.24),
     margin=(0.1, 0.3, 0.1, 0.04), cell_size=0.0145, duration=3.0, settled=1.5, vertical_loads=False,
 )  # fmt: skip
 SITUATIONS = {
