@@ -52,16 +52,12 @@ def case_files(
         "system/decomposeParDict": f"numberOfSubdomains {ranks};\nmethod simple;\n"
         f"simpleCoeffs {{ n ({ranks} 1 1); delta 0.001; }}\n",
         "system/setFieldsDict": set_fields(situation),
+        "system/topoSetDict": topo_set(situation),
         "constant/g": f"dimensions [0 1 -2 0 0 0 0];\nvalue (0 0 {-GRAVITY});\n",
         "constant/transportProperties": TRANSPORT,
         "constant/turbulenceProperties": turbulence_properties(turbulence),
         **fields(situation, turbulence),
     }
-    if situation.kind == "box":
-        files["system/topoSetDict"] = topo_set(situation)
-    else:
-        files["system/snappyHexMeshDict"] = snappy(situation)
-        files["system/meshQualityDict"] = '#includeEtc "caseDicts/meshQualityDict"\n'
     return files
 
 
@@ -107,52 +103,15 @@ def block_mesh(situation: Situation) -> str:
     )
 
 
-def body_box(situation: Situation) -> str:
-    """Corners of the body's bounding box."""
-    center, half = np.array(situation.center), 0.5 * np.array(situation.size)
-    return f"{vector(center - half)} {vector(center + half)}"
-
-
 def topo_set(situation: Situation) -> str:
-    """The cells outside a box."""
+    """The cells outside the body."""
+    center, half = np.array(situation.center), 0.5 * np.array(situation.size)
+    corners = f"{vector(center - half)} {vector(center + half)}"
     return (
         "actions (\n"
-        f"  {{ name water; type cellSet; action new; source boxToCell; box {body_box(situation)}; }}\n"
+        f"  {{ name water; type cellSet; action new; source boxToCell; box {corners}; }}\n"
         "  { name water; type cellSet; action invert; }\n);\n"
     )
-
-
-def snappy(situation: Situation) -> str:
-    """Cut the body out of the grid and snap the cells to it, without refinement or layers."""
-    reach = np.zeros(3)
-    reach[situation.axis] = 0.5 * situation.size[situation.axis]
-    low, high = np.array(situation.center) - reach, np.array(situation.center) + reach
-    radius = 0.5 * situation.size[0]
-    inside = [0.5 * (f[0] + f[1]) for f in situation.faces()]
-    return f"""castellatedMesh true; snap true; addLayers false;
-geometry {{ {BODY}
-{{ type searchableCylinder; point1 {vector(low)}; point2 {vector(high)}; radius {radius:g}; }} }}
-castellatedMeshControls
-{{
-  maxLocalCells 5000000; maxGlobalCells 5000000; minRefinementCells 0; nCellsBetweenLevels 1; features ();
-  refinementSurfaces {{ {BODY} {{ level (0 0); patchInfo {{ type wall; }} }} }}
-  refinementRegions {{}}
-  resolveFeatureAngle 30; locationInMesh {vector(inside)}; allowFreeStandingZoneFaces false;
-}}
-snapControls
-{{
-  nSmoothPatch 3; tolerance 2.0; nSolveIter 50; nRelaxIter 5;
-}}
-addLayersControls
-{{
-  relativeSizes true; layers {{}} expansionRatio 1.2; finalLayerThickness 0.5; minThickness 0.1; nGrow 0;
-  featureAngle 60; nRelaxIter 3; nSmoothSurfaceNormals 1; nSmoothNormals 3; nSmoothThickness 10;
-  maxFaceThicknessRatio 0.5; maxThicknessToMedialRatio 0.3; minMedianAxisAngle 90; nBufferCellsNoExtrude 0;
-  nLayerIter 50;
-}}
-meshQualityControls {{ #include "meshQualityDict" nSmoothScale 4; errorReduction 0.75; }}
-mergeTolerance 1e-6;
-"""
 
 
 def control(situation: Situation, duration: float, steps: int | None) -> str:
@@ -194,8 +153,8 @@ functions
 def profile_points(situation: Situation) -> np.ndarray:
     """Centres of the cells beside the middle plane whose water is recorded, (columns, layers, 3) [m]; not the body."""
     x, y, z = (0.5 * (f[:-1] + f[1:]) for f in situation.faces())
-    beyond = 0.5 * situation.size[0] + (0.0 if situation.kind == "box" else 1.5 * situation.cell_size)
-    x = x[(np.abs(x - situation.center[0]) > beyond) & (x > situation.low[0] + 0.5) & (x < situation.high[0] - 0.5)]
+    x = x[np.abs(x - situation.center[0]) > 0.5 * situation.size[0]]
+    x = x[(x > situation.low[0] + 0.5) & (x < situation.high[0] - 0.5)]
     return np.stack(np.meshgrid(x, y[[profile_row(situation)]], z, indexing="ij"), axis=-1)[:, 0]
 
 

@@ -17,7 +17,7 @@ from situations import Situation
 
 DEBIAN_FOLDER = Path("/usr/share/openfoam")
 """Where Debian's package keeps etc/."""
-PROGRAMS = "blockMesh topoSet subsetMesh snappyHexMesh setFields checkMesh decomposePar interFoam".split()
+PROGRAMS = "blockMesh topoSet subsetMesh setFields checkMesh decomposePar interFoam".split()
 
 
 class OpenFoamError(RuntimeError):
@@ -97,14 +97,11 @@ def call(folder: Path, log: str, *command: str) -> list[float]:
     return stamps
 
 
-def make_mesh(folder: Path, situation: Situation) -> None:
+def make_mesh(folder: Path) -> None:
     """Grid, body and initial fields."""
     call(folder, "log.mesh", "blockMesh")
-    if situation.kind == "box":
-        call(folder, "log.mesh", "topoSet")
-        call(folder, "log.mesh", "subsetMesh", "water", "-patch", "body", "-overwrite")
-    else:
-        call(folder, "log.mesh", "snappyHexMesh", "-overwrite")
+    call(folder, "log.mesh", "topoSet")
+    call(folder, "log.mesh", "subsetMesh", "water", "-patch", "body", "-overwrite")
     call(folder, "log.checkMesh", "checkMesh", "-constant")
     call(folder, "log.mesh", "setFields")
 
@@ -136,7 +133,7 @@ def run(
         shutil.rmtree(folder)
     if not settings.exists():
         write_case(folder, files)
-        make_mesh(folder, situation)
+        make_mesh(folder)
         settings.write_text(json.dumps(asked, indent=1))
     log = folder / "log.interFoam"
     stamps: list[float] = []

@@ -22,12 +22,8 @@ class Situation:
     ----------
     name, about : str
         For the command line and the table.
-    kind : str
-        "box": edges along the axes, cut out of the grid along cell faces; "cylinder": mesh snapped to it.
     size : tuple of 3 floats
-        Edges along x, y, z [m]; of a cylinder twice the diameter and, along its axis, the length.
-    axis : int
-        Of a cylinder: 1 along y, 2 along z.
+        Edges of the body along x, y, z [m]; it is a box, cut out of the grid along cell faces.
     center : tuple of 3 floats
         Of the body, and reference point of the moments [m]; the bed is at z = 0.
     depth, current : float
@@ -48,7 +44,6 @@ class Situation:
 
     name: str
     about: str
-    kind: str
     size: tuple[float, float, float]
     center: tuple[float, float, float]
     depth: float
@@ -61,11 +56,8 @@ class Situation:
     duration: float = 4.0
     settled: float = 2.0
     vertical_loads: bool = True
-    axis: int = 2
 
     def __post_init__(self) -> None:
-        if self.kind not in ("box", "cylinder"):
-            raise ValueError(f"Situation.kind = {self.kind!r}; choose box or cylinder.")
         if not self.cell_size > 0.0 or self.cell_size > min(self.size[:2]) / 3.0:
             raise ValueError(
                 f"Situation.cell_size = {self.cell_size} m; choose it positive and at most a third of the body's least "
@@ -88,7 +80,7 @@ class Situation:
         s = self.cell_size
         x = graded((c[0] - half[0], c[0] + half[0]), behind, ahead, self.low[0], self.high[0], s)
         y = graded((c[1] - half[1], c[1] + half[1]), aside, aside, self.low[1], self.high[1], s)
-        lower = (0.0, self.bottom) if self.kind == "box" and 0.0 < self.bottom < self.depth else (0.0,)
+        lower = (0.0, self.bottom) if 0.0 < self.bottom < self.depth else (0.0,)
         z = graded((*lower, self.depth), 0.0, above, 0.0, self.high[2], self.flatness * s)
         return x, y, z
 
@@ -160,15 +152,15 @@ def outward(extent: float, equal: float, width: float, growth: float) -> np.ndar
 
 
 BOX = Situation(
-    name="box-0.5", about="box 1.00 x 0.44 m, draught 42 mm, 0.5 m/s", kind="box", size=(1.0, 0.44, 0.2),
+    name="box-0.5", about="box 1.00 x 0.44 m, draught 42 mm, 0.5 m/s", size=(1.0, 0.44, 0.2),
     center=(0.0, 0.0, 0.178), depth=0.12, current=0.5, low=(-2.0, -1.2, 0.0), high=(1.9, 1.2, 0.4),
     margin=(0.2, 0.25, 0.12, 0.08), cell_size=0.035, flatness=0.4,
 )  # fmt: skip
 """The vehicle's hull without rake, as deep in the water as at D60."""
 COLUMN = Situation(
-    name="square-column", about="square column, side 0.10 m, 0.5 m/s", kind="box", size=(0.1, 0.1, 0.4),
-    center=(0.0, 0.0, 0.19), depth=0.12, current=0.5, low=(-1.2, -0.8, 0.0), high=(1.2, 0.8, 0.24),
-    margin=(0.1, 0.3, 0.1, 0.04), cell_size=0.0125, vertical_loads=False,
+    name="square-column", about="square column, side 0.10 m, 0.5 m/s", size=(0.1, 0.1, 0.388),
+    center=(0.0, 0.0, 0.186), depth=0.12, current=0.5, low=(-1.2, -0.8, 0.0), high=(1.2, 0.8, 0.24),
+    margin=(0.1, 0.3, 0.1, 0.04), cell_size=0.0145, duration=3.0, settled=1.5, vertical_loads=False,
 )  # fmt: skip
 SITUATIONS = {
     s.name: s
@@ -176,6 +168,5 @@ SITUATIONS = {
         BOX,
         replace(BOX, name="box-1.0", about="box 1.00 x 0.44 m, draught 42 mm, 1.0 m/s", current=1.0),
         COLUMN,
-        replace(COLUMN, name="round-column", about="round column, diameter 0.10 m, 0.5 m/s", kind="cylinder"),
     )
 }
