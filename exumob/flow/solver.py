@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numba
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from exumob.checks import require_positive, require_within
 from exumob.environment import GRAVITY, Water
 from exumob.errors import SimulationError
-from exumob.flow import advection, boundary, forces, interface, pressure, turbulence
+from exumob.flow import advection, boundary, forces, interface, pressure, turbulence, wall
 from exumob.flow.body import Openness, Poses, Solid, clear, index_region, place_solid
 from exumob.flow.grid import HALO, Grid
 from exumob.states import Array
@@ -52,6 +52,9 @@ class FlowSettings:
         Molecular, kinematic [m^2/s].
     wall_shear : bool
         Whether solids exert wall friction.
+    bed_roughness : float or None
+        Equivalent sand roughness of the bed [m], 0 smooth: the bed, at rest in the world, exerts the shear of the log
+        law. None: it slips, and an undisturbed current stays uniform, as the far field supposes.
     pore_pressure : bool
         Whether the pressure on solids goes on below the bed (saturated soil).
     courant : float
@@ -81,6 +84,7 @@ class FlowSettings:
     closure: turbulence.Closure | None = DEFAULT_CLOSURE
     viscosity: float = turbulence.MOLECULAR_VISCOSITY
     wall_shear: bool = True
+    bed_roughness: float | None = None
     pore_pressure: bool = True
     courant: float = 0.4
     tolerance: float = 1.0e-7
@@ -99,6 +103,8 @@ class FlowSettings:
         require_within("FlowSettings", 0.0, 1.0e3, absorbing_rate=self.absorbing_rate)
         require_within("FlowSettings", 0.0, 1.0e5, void_stiffness=self.void_stiffness)
         require_within("FlowSettings", 0.0, 1.0, viscosity=self.viscosity)
+        if self.bed_roughness is not None:
+            require_within("FlowSettings", 0.0, 0.1, bed_roughness=self.bed_roughness)
         require_within(
             "FlowSettings", 0.01, 0.5, "the transport of the fraction is bounded up to 0.5.", courant=self.courant
         )  # fmt: skip
@@ -144,12 +150,17 @@ class FlowState:
     """Length of the last step [s]"""
     calm: int = 0
     """Steps since one as short was needed"""
+    turbulence: Array = field(default_factory=lambda: np.zeros(0))
+    """Fields of the closure, shape (number, ny, nz, nx)"""
 
     @classmethod
-    def zeros(cls, shape: tuple[int, int, int]) -> FlowState:
+    def zeros(cls, shape: tuple[int, int, int], turbulence_fields: int = 0) -> FlowState:
         """All zero, for fields of this shape."""
         u, v, w, cx, cy, cz, fraction, phi = (np.zeros(shape) for _ in range(8))
-        return cls(u, v, w, cx, cy, cz, fraction, phi, phi_dt=1.0, time=0.0, frame=np.zeros(3), steps=0)
+        turbulence = np.zeros((turbulence_fields, *shape))
+        return cls(
+            u, v, w, cx, cy, cz, fraction, phi, phi_dt=1.0, time=0.0, frame=np.zeros(3), steps=0, turbulence=turbulence
+        )
 
     def copy_from(self, other: FlowState) -> None:
         """Take the values of another state."""
@@ -225,7 +236,9 @@ class FlowSolver:
                 "grid in place."
             )
         shape = grid.padded_shape
-        self._state, self._next = FlowState.zeros(shape), FlowState.zeros(shape)
+        count = len(settings.closure.fields) if settings.closure is not None else 0
+        self._state, self._next = FlowState.zeros(shape, count), FlowState.zeros(shape, count)
+        self._start_closure()
         self.openness = Openness.open(shape)
         self.levels = pressure.Levels(shape)
         self._wet = np.zeros(shape, dtype=np.uint8)
@@ -270,6 +283,7 @@ class FlowSolver:
         for q, value in zip((state.u, state.v, state.w), far, strict=True):
             q[:] = value
         state.phi[:] = 0.0
+        self._start_closure()
         self._poses, self.volume_added = poses, 0.0
         self._place(poses, state.frame)
         self._fill(state, far)
@@ -392,9 +406,14 @@ class FlowSolver:
                 out[axis], old.u, old.v, old.w, self._flow, self._wet, faces[axis], axis, turned, dt, top, m
             )
         if s.closure is not None:
+            walls = turbulence.Walls(
+                self.openness, position, velocity, rate + spin, self._friction * s.wall_shear,
+                -1.0 if s.bed_roughness is None else s.bed_roughness,
+            )  # fmt: skip
             s.closure.update(
-                self._viscosity, old.u, old.v, old.w, self._wet, self.openness.distance, top, dt, s.viscosity, m
-            )
+                self._viscosity, old.turbulence, new.turbulence, old.u, old.v, old.w, self._flow, self._wet, walls,
+                top, dt, s.viscosity, m,
+            )  # fmt: skip
         if s.closure is not None or s.viscosity > 0.0:
             for axis in range(3):
                 turbulence.add_stress(
@@ -407,6 +426,8 @@ class FlowSolver:
                 self._friction, self.water.density, dt, m, loads[1],
             )  # fmt: skip
             forces.add_and_clear(out, self._change, self._regions)
+        if s.bed_roughness is not None:
+            wall.bed_shear(out, old.u, old.v, fraction, self._wet, faces[:2], s.bed_roughness, s.viscosity, dt, m)
         if s.far_x or s.far_y:
             boundary.relax_velocity(*out, far, *self._rates, dt, top)
         boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
@@ -468,6 +489,11 @@ class FlowSolver:
         return loads, solved, courant
 
     # -- pieces ---------------------------------------------------------------------------------------------------
+
+    def _start_closure(self) -> None:
+        if self.settings.closure is not None:
+            for state in (self._state, self._next):
+                self.settings.closure.start(state.turbulence, self.settings.viscosity)
 
     def _frame(self, poses: Poses) -> Array:
         """Grid origin and yaw for given poses."""
@@ -595,6 +621,14 @@ class FlowSolver:
         s = self._state
         h = HALO
         return s.u[h:-h, h:-h, h:-h], s.v[h:-h, h:-h, h:-h], s.w[h:-h, h:-h, h:-h]
+
+    @property
+    def turbulence(self) -> dict[str, Array]:
+        """Fields of the closure by name, and the viscosity [m^2/s] of the last step, shape (ny, nz, nx), views."""
+        h, closure = HALO, self.settings.closure
+        names = closure.fields if closure is not None else ()
+        found = dict(zip(names, self._state.turbulence[:, h:-h, h:-h, h:-h], strict=True))
+        return {**found, "viscosity": self._viscosity[h:-h, h:-h, h:-h]}
 
     @property
     def pressure(self) -> Array:
