@@ -8,9 +8,10 @@ loads = solver.advance(time, poses)
 from exumob.flow.body import Poses, Solid, box, cylinder, hull_prism, mesh_solid, prism, sphere, vehicle_solids
 from exumob.flow.grid import Grid
 from exumob.flow.solver import FlowSettings, FlowSolver, Loads, StepReport
+from exumob.flow.tread import Tread
 from exumob.flow.turbulence import KOmegaSST, Smagorinsky
 
 __all__ = [
-    "FlowSettings", "FlowSolver", "Grid", "KOmegaSST", "Loads", "Poses", "Smagorinsky", "Solid", "StepReport", "box",
-    "cylinder", "hull_prism", "mesh_solid", "prism", "sphere", "vehicle_solids",
+    "FlowSettings", "FlowSolver", "Grid", "KOmegaSST", "Loads", "Poses", "Smagorinsky", "Solid", "StepReport", "Tread",
+    "box", "cylinder", "hull_prism", "mesh_solid", "prism", "sphere", "vehicle_solids",
 ]  # fmt: skip
