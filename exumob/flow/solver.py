@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from exumob.checks import require_positive, require_within
 from exumob.environment import GRAVITY, Water
 from exumob.errors import SimulationError
-from exumob.flow import advection, boundary, forces, interface, pressure, turbulence, wall
+from exumob.flow import advection, boundary, forces, interface, pressure, tread, turbulence, wall
 from exumob.flow.body import Openness, Poses, Solid, clear, index_region, place_solid
 from exumob.flow.grid import HALO, Grid
 from exumob.states import Array
@@ -178,6 +178,7 @@ class Loads:
 
     pressure: Array
     shear: Array
+    """Wall friction, and the drag of lugs (`exumob.flow.tread`)"""
     exchange: Array
     """Momentum that faces hardly open pass to the wall"""
 
@@ -254,6 +255,7 @@ class FlowSolver:
         self._still = boundary.level_fractions(self.metrics, water.depth)
         self._rates = self._absorbing_rates()
         self._friction = np.array([s.friction for s in self.solids])
+        self._treads = tread.tread_table(self.solids)
         self._regions = np.zeros((len(self.solids), 6), dtype=np.int64)
         self._poses: Poses | None = None
         self.volume_added = 0.0
@@ -424,6 +426,12 @@ class FlowSolver:
             forces.wall_shear(
                 self._change, *out, fraction, self._wet, self.openness, self._regions, position, velocity, rate, spin,
                 self._friction, self.water.density, dt, m, loads[1],
+            )  # fmt: skip
+            forces.add_and_clear(out, self._change, self._regions)
+        if self._treads.any():
+            tread.push(
+                self._change, *out, fraction, self._wet, self.openness, self._regions, position, velocity, rate,
+                np.ascontiguousarray(rotation[:, :, 1]), spin, self._treads, self.water.density, dt, m, loads[1],
             )  # fmt: skip
             forces.add_and_clear(out, self._change, self._regions)
         if s.bed_roughness is not None:
