@@ -1,4 +1,4 @@
-"""The command line: `exumob lane-change`, `exumob soils`."""
+"""The command line: `exumob lane-change`, `exumob captive`, `exumob soils`, `exumob verify`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import importlib
 import logging
 import math
 import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -17,8 +19,12 @@ from rich.logging import RichHandler
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from exumob.verification.command import verify_command
+
 if TYPE_CHECKING:
     import xarray as xr
+
+    from exumob.vehicle import Vehicle
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -74,18 +80,13 @@ def lane_change_command(
     from exumob.hydrodynamics import CoefficientHydrodynamics, NoWater
     from exumob.maneuver import lane_change
     from exumob.simulation import simulate
-    from exumob.vehicle import load_vehicle
 
     targets = {"--output": output, "--figure": figure, "--animate": animate}
     try:
         _check_targets(targets)
         if (figure or animate) and duration < 0.1:
             raise ValueError(f"--duration {duration} s is too short to draw; give at least 0.1 s, or no --figure.")
-        car = (
-            load_vehicle(vehicle)
-            if vehicle
-            else importlib.import_module("vehicle_models.amphibious").amphibious_vehicle()
-        )
+        car = _vehicle(vehicle)
         wet = depth_ratio != 0.0
         water = None
         if wet:
@@ -100,15 +101,11 @@ def lane_change_command(
     from exumob.errors import SimulationError, SimulationInterrupted
 
     code = 0
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.2f} of {task.total:g} s"),
-        TimeRemainingColumn(), console=errors, transient=True,
-    ) as bar:  # fmt: skip
-        task = bar.add_task("settling", total=duration)
+    with _progress(duration, "settling", "driving") as advance:
         try:
             result = simulate(
                 car, ground, water, maneuver, model, duration=duration, micro_step=micro_step, macro_step=macro_step,
-                progress=lambda time: bar.update(task, completed=time, description="driving"),
+                progress=advance,
             )  # fmt: skip
         except (ValueError, OSError, ImportError) as error:
             _fail(error)
@@ -121,6 +118,88 @@ def lane_change_command(
             result, code = stop.result, 130
             errors.print(f"[yellow]{stop}[/yellow]; what was computed until then follows.", highlight=False)
     _report(result, targets)
+    raise typer.Exit(code)
+
+
+@app.command("captive")
+def captive_command(
+    speed: Annotated[float, typer.Option(help="Speed over ground, along the tank [m/s].")] = 1.0,
+    current: Annotated[float, typer.Option(help="Speed of the current [m/s].")] = 1.0,
+    current_direction: Annotated[
+        float, typer.Option(help="Where the flow goes, from the tank's axis, to the left [deg].")
+    ] = 180.0,
+    depth: Annotated[float, typer.Option(help="Depth of the water [m].")] = 0.12,
+    drift_angle: Annotated[
+        float, typer.Option(help="Course less heading [deg]; positive: the water meets the left side.")
+    ] = 0.0,
+    yaw_rate: Annotated[float, typer.Option(help="Turning of course and heading, to the left [deg/s].")] = 0.0,
+    steering: Annotated[float, typer.Option(help="Angle of the front wheels, to the left [deg].")] = 0.0,
+    wheel_speed: Annotated[float, typer.Option(help="Spin of the wheels [rad/s].")] = 0.0,
+    ramp_time: Annotated[
+        float, typer.Option(help="Time from drifting with the current to the prescribed motion [s].")
+    ] = 1.0,
+    vehicle: Annotated[
+        Path | None, typer.Option(help="Vehicle file (Python); default: the paper's 57 kg amphibious vehicle.")
+    ] = None,
+    cell_size: Annotated[float, typer.Option(help="Of the grid round the vehicle [m].")] = 0.018,
+    coarse: Annotated[
+        bool, typer.Option("--coarse", help="Accept cells too coarse for gaps and wheels: a quick look.")
+    ] = False,
+    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 3.0,
+    interval: Annotated[float, typer.Option(help="At which loads are recorded [s].")] = 1e-3,
+    threads: Annotated[int, typer.Option(help="Threads of the flow solver.")] = 1,
+    output: Annotated[Path | None, typer.Option(help="Write the result here (netCDF).")] = None,
+    figure: Annotated[Path | None, typer.Option(help="Draw loads and free surface here (.png, .pdf, .svg).")] = None,
+    animate: Annotated[Path | None, typer.Option(help="Animate the free surface here (.gif or .mp4).")] = None,
+    vtk: Annotated[
+        Path | None, typer.Option(help="Write fields for ParaView to this folder, 20 times a second.")
+    ] = None,
+) -> None:
+    """Tow a vehicle through water on a prescribed path and find the loads on its five bodies.
+
+    Example: exumob captive --speed 1 --current 1 --depth 0.12 --output run.nc --figure run.png
+    """
+    targets = {"--output": output, "--figure": figure, "--animate": animate}
+    try:
+        _check_targets(targets)
+        from exumob.environment import Water
+        from exumob.flow import CaptiveMotion, FlowSettings, captive_run
+        from exumob.flow.vtk_files import VtkSeries
+
+        car = _vehicle(vehicle)
+        water = Water(depth, current, math.radians(current_direction))
+        motion = CaptiveMotion(
+            speed=speed, drift_angle=math.radians(drift_angle), yaw_rate=math.radians(yaw_rate),
+            steering=math.radians(steering), wheel_speed=wheel_speed, ramp_time=ramp_time,
+        )  # fmt: skip
+        settings = FlowSettings(threads=threads)
+        series = VtkSeries(vtk, car) if vtk else None
+    except (ValueError, OSError, ImportError) as error:
+        _fail(error)
+
+    from exumob.errors import SimulationError, SimulationInterrupted
+
+    code = 0
+    with _progress(duration) as advance:
+        try:
+            result = captive_run(
+                car, water, motion, cell_size=cell_size, duration=duration, interval=interval, settings=settings,
+                snapshots=max(round(0.05 / interval), 1) * interval if figure or animate or vtk else None,
+                on_snapshot=series.add if series else None, allow_coarse=coarse, progress=advance,
+            )  # fmt: skip
+        except (ValueError, OSError, ImportError) as error:
+            _fail(error)
+        except SimulationError as error:
+            if error.result is None:
+                _fail(error)
+            result, code = error.result, 1
+            errors.print(f"[red]{error}[/red]\nWhat was computed until then follows.", highlight=False)
+        except SimulationInterrupted as stop:
+            result, code = stop.result, 130
+            errors.print(f"[yellow]{stop}[/yellow]; what was computed until then follows.", highlight=False)
+    _report_captive(result, targets)
+    if series:
+        console.print(f"ParaView  {series.file}", highlight=False)
     raise typer.Exit(code)
 
 
@@ -147,6 +226,30 @@ def soils() -> None:
             row.name, f"{soil.n:g}", *stiffness, *strength, shear, *(f"{c:.2f}"[1:] for c in (soil.c1, soil.c2))
         )
     console.print(table)
+
+
+app.command("verify")(verify_command)
+
+
+@contextmanager
+def _progress(duration: float, before: str = "preparing", during: str = "towing") -> Iterator[Callable[[float], None]]:
+    """Bar with the time remaining; yields what takes the simulated time reached [s]."""
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.2f} of {task.total:g} s"),
+        TimeRemainingColumn(), console=errors, transient=True,
+    ) as bar:  # fmt: skip
+        task = bar.add_task(before, total=duration)
+        yield lambda time: bar.update(task, completed=time, description=during)
+
+
+def _vehicle(file: Path | None) -> Vehicle:
+    """Of a vehicle file; the paper's without one."""
+    from exumob.vehicle import load_vehicle
+
+    if file is not None:
+        return load_vehicle(file)
+    paper: Vehicle = importlib.import_module("vehicle_models.amphibious").amphibious_vehicle()
+    return paper
 
 
 def _fail(error: Exception) -> NoReturn:
@@ -198,6 +301,56 @@ def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
         with errors.status("drawing the animation"):
             animate_run(result, targets["--animate"])
         console.print(f"animation {targets['--animate']}", highlight=False)
+
+
+def _report_captive(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
+    from exumob.results import save_dataset
+
+    if result.sizes["time"] > 1:
+        _print_loads(result)
+    if targets["--output"]:
+        console.print(f"result    {save_dataset(result, targets['--output'])}", highlight=False)
+    if not (targets["--figure"] or targets["--animate"]):
+        return
+    if result.sizes["time"] < 3:
+        errors.print("[yellow]too little was computed to draw it[/yellow]")
+        return
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from exumob.flow.pictures import animate_surface, plot_captive
+    from exumob.plotting import save_figure
+
+    if targets["--figure"]:
+        console.print(f"figure    {save_figure(plot_captive(result), targets['--figure'])}", highlight=False)
+    if targets["--animate"]:
+        with errors.status("drawing the animation"):
+            animate_surface(result, targets["--animate"])
+        console.print(f"animation {targets['--animate']}", highlight=False)
+
+
+def _print_loads(result: xr.Dataset) -> None:
+    from exumob.flow import captive_summary
+
+    loads = captive_summary(result)
+    table = Table(
+        title=f"{result.attrs['title'].removeprefix('exumob ')}, {result.attrs['status'].split(':')[0]}",
+        caption=f"mean ± standard deviation of the smoothed loads from {loads.attrs['from']:.2f} to "
+        f"{loads.attrs['to']:.2f} s, body axes [N, N m]; noise: of the raw about the smoothed loads; "
+        f"{result.attrs['wall_time']:.0f} s of computing",
+        box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0),
+    )  # fmt: skip
+    for column in ("body", "load"):
+        table.add_column(column, no_wrap=True)
+    for column in ("x", "y", "z", "noise"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for body in result["body"].values:
+        of = loads.sel(body=body)
+        for kind, name in (("force", body.replace("_", " ")), ("moment", "")):
+            mean, deviation, noise = (of[f"{kind}_{what}"].values for what in ("mean", "deviation", "noise"))
+            cells = [f"{m:.2f} ± {d:.2f}" for m, d in zip(mean, deviation, strict=True)]
+            table.add_row(name, kind, *cells, f"{math.hypot(*noise):.2f}")
+    console.print(table)
 
 
 def _print_summary(result: xr.Dataset, figures: dict[str, float]) -> None:

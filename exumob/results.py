@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import datetime
 import errno
-import json
 import logging
 import os
 import shutil
-import subprocess
 import tempfile
-from dataclasses import asdict, is_dataclass
-from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -23,6 +17,7 @@ from exumob.hydrodynamics import Hydrodynamics
 from exumob.hydrodynamics.states import FLOW_STATES, flow_states
 from exumob.maneuver import Maneuver
 from exumob.multibody import MultibodyVehicle
+from exumob.provenance import parameters_json, provenance
 from exumob.states import BODIES, WHEELS, Array, BodyStates
 from exumob.terrain import Terrain
 from exumob.vehicle import Vehicle
@@ -156,12 +151,11 @@ def build_dataset(
         "title": f"exumob run of {vehicle.name}",
         "status": status,
         "hydrodynamics": type(hydrodynamics).__name__,
-        "parameters": json.dumps(
+        "parameters": parameters_json(
             {
                 "vehicle": vehicle, "soil": soil, "water": water, "terrain": terrain, "maneuver": maneuver,
                 "hydrodynamics": hydrodynamics, "steps": steps,
-            },
-            default=_plain,
+            }
         ),
         **wall_times,
     }  # fmt: skip
@@ -254,46 +248,6 @@ def summary(dataset: xr.Dataset) -> dict[str, float]:
         "wall_time": wall,
         "real_time_factor": end / wall if wall > 0.0 else float("inf"),
     }
-
-
-def provenance() -> dict[str, str]:
-    """Versions, git revision and date of this computation."""
-    try:
-        version = metadata.version("exumob")
-    except metadata.PackageNotFoundError:
-        version = "not installed"
-    return {
-        "exumob_version": version,
-        "exudyn_version": metadata.version("exudyn"),
-        "numpy_version": np.__version__,
-        "git_revision": _git_revision(),
-        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        "random_seed": "none (deterministic)",
-    }
-
-
-def _git_revision() -> str:
-    git = shutil.which("git")
-    root = Path(__file__).parents[1]
-    if git is None or not (root / ".git").exists():  # installed: no repository, or somebody else's around it
-        return "unknown"
-    answer = subprocess.run(
-        [git, "describe", "--always", "--dirty"], cwd=root, capture_output=True, text=True, check=False
-    )
-    return answer.stdout.strip() or "unknown"
-
-
-def _plain(value: Any) -> Any:
-    """Anything as JSON: dataclasses and objects with `parameters` as dicts, arrays as lists, the rest by name."""
-    if isinstance(parameters := getattr(value, "parameters", None), dict):
-        return {type(value).__name__: parameters}
-    if is_dataclass(value) and not isinstance(value, type):
-        return {type(value).__name__: asdict(value)}
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
-    return str(value) if isinstance(value, Path) else type(value).__name__
 
 
 def save_dataset(dataset: xr.Dataset, file: str | Path) -> Path:

@@ -1,8 +1,7 @@
 """Transport of momentum over the moving grid.
 
 The velocity is absolute, in the grid's axes; what carries it is the velocity relative to the grid, on full faces,
-solids
-included. In this form -(1/V) sum of flux (u_face - u) a uniform current stays uniform to round-off whatever the
+solids included. In this form -(1/V) sum of flux (u_face - u) a uniform current stays uniform to round-off whatever the
 grid does.
 """
 
@@ -16,147 +15,186 @@ from numpy.typing import NDArray
 
 from exumob.flow.body import Openness
 from exumob.flow.grid import HALO, Metrics
+from exumob.flow.spans import Spans
 from exumob.states import Array
 
 RESOLVED = 0.01
 """Fraction below which spray does not limit the time step [-]; its transport stays bounded by what the cell holds."""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def limited(a: float, b: float) -> float:
-    """Monotonized-central slope of two neighbouring differences (van Leer 1977)."""
-    if a * b <= 0.0:
-        return 0.0
-    size = min(2.0 * min(abs(a), abs(b)), 0.5 * abs(a + b))
-    return math.copysign(size, a)
+@njit(cache=True, error_model="numpy")
+def _edges(
+    q: Array, flow: Array, own: int, s: int, first: int, n: int, ratio: Array, carry: Array, value: Array
+) -> None:
+    """Carrying velocity and upwind value between p - s and p, for n neighbours along x from p = first.
+
+    MUSCL-Hancock with the monotonized-central slope (van Leer 1977); `ratio` is the time step over the width [s/m].
+    Flat unsigned indices and selections instead of branches: the loop then uses vector instructions.
+    """
+    o, t = np.uintp(own), np.uintp(s)
+    for m in range(n):
+        p = np.uintp(first + m)
+        c = 0.5 * (flow[p - o] + flow[p])
+        up = c > 0.0
+        low, high = q[p - t], q[p]
+        middle = high - low
+        outer = low - q[p - t - t] if up else q[p + t] - high
+        two, mean = 2.0 * abs(middle), 0.5 * abs(middle + outer)
+        size = 2.0 * abs(outer)
+        size = two if two < size else size
+        size = mean if mean < size else size
+        size = size if middle * outer > 0.0 else 0.0
+        slope = size if (middle > 0.0) == up else -size  # towards the face, from the upwind side
+        carry[m] = c
+        value[m] = (low if up else high) + 0.5 * (1.0 - abs(c) * ratio[m]) * slope
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def face_value(q: Array, p: int, s: int, carry: float, courant: float) -> float:
-    """Upwind value between cells p - s and p at half the time step (MUSCL-Hancock)."""
-    if carry > 0.0:
-        slope = limited(q[p - s] - q[p - s - s], q[p] - q[p - s])
-        return q[p - s] + 0.5 * (1.0 - courant) * slope
-    slope = limited(q[p] - q[p - s], q[p + s] - q[p])
-    return q[p] - 0.5 * (1.0 - courant) * slope
+@njit(cache=True, error_model="numpy", parallel=True)
+def turn(u: Array, v: Array, w: Array, out: tuple[Array, Array, Array], turned: float, spans: Spans) -> None:
+    """Velocity `u`, `v`, `w` in axes that have turned by `turned` [rad] about z since."""
+    ny, nz, nx = u.shape
+    one, sy = np.uintp(1), np.uintp(nz * nx)
+    uf, vf, wf = u.ravel(), v.ravel(), w.ravel()
+    new_u, new_v, new_w = out[0].ravel(), out[1].ravel(), out[2].ravel()
+    cosine, sine = math.cos(turned), math.sin(turned)
+    lo, hi = spans
+    for j in prange(1, ny - 1):
+        for k in range(1, nz - 1):
+            start = (j * nz + k) * nx
+            for i in range(start + lo[j, k], start + hi[j, k]):
+                p = np.uintp(i)
+                new_u[p] = cosine * uf[p] + sine * (0.25 * ((vf[p] + vf[p - one + sy]) + (vf[p + sy] + vf[p - one])))
+                new_v[p] = cosine * vf[p] - sine * (0.25 * ((uf[p] + uf[p + one - sy]) + (uf[p + one] + uf[p - sy])))
+                new_w[p] = wf[p]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def advect(
-    out: Array, u: Array, v: Array, w: Array, flow: tuple[Array, Array, Array], wet: NDArray[np.uint8],
-    open_faces: Array, axis: int, turned: float, dt: float, top: int, metrics: Metrics,
+    out: Array, q: Array, flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], open_faces: Array, axis: int,
+    dt: float, spans: Spans, metrics: Metrics,
 ) -> None:  # fmt: skip
-    """One velocity component after advection, in axes that have turned by `turned` [rad] meanwhile.
+    """Add to one velocity component its advection over one step.
 
     Parameters
     ----------
     out : array, changed
         The component at the end [m/s].
-    u, v, w : array
-        Velocity at the begin [m/s].
+    q : array
+        The component at the begin [m/s].
     flow : three arrays
         Velocity relative to the grid on full faces [m/s].
     wet, open_faces : array
-        Wet cells; openness of this component's faces. Faces that are dry or closed are turned only.
+        Wet cells; openness of this component's faces. Faces that are dry or closed are left alone.
     axis : int
         0 x, 1 y, 2 z.
+    dt : float
+        [s]
+    spans : Spans
+        Of the wet cells, one cell wider.
     """
-    ny, nz, nx = u.shape
-    one, sy, sz = np.uintp(1), np.uintp(nz * nx), np.uintp(nx)  # unsigned: no test for negative indices
+    ny, nz, nx = q.shape
+    own = 1 if axis == 0 else (nz * nx if axis == 1 else nx)
+    flat, result, is_wet, beta = q.ravel(), out.ravel(), wet.ravel(), open_faces.ravel()
     fx, fy, fz = flow[0].ravel(), flow[1].ravel(), flow[2].ravel()
-    field = u if axis == 0 else (v if axis == 1 else w)
-    q, uf, vf = field.ravel(), u.ravel(), v.ravel()
-    carrier = fx if axis == 0 else (fy if axis == 1 else fz)
-    own = one if axis == 0 else (sy if axis == 1 else sz)
-    result, is_wet, beta = out.ravel(), wet.ravel(), open_faces.ravel()
-    cosine, sine = math.cos(turned), math.sin(turned)
-    last = min(top + 5, nz - HALO) + 1
-    for j in prange(HALO, ny - HALO + 1):
-        for k in range(HALO, last):
-            for i in range(HALO, nx - HALO + 1):
-                p = np.uintp((j * nz + k) * nx + i)
-                here = q[p]
-                value = here
-                if turned != 0.0:
-                    if axis == 0:
-                        across = 0.25 * ((vf[p] + vf[p - one + sy]) + (vf[p + sy] + vf[p - one]))
-                        value = cosine * here + sine * across
-                    elif axis == 1:
-                        across = 0.25 * ((uf[p] + uf[p + one - sy]) + (uf[p + one] + uf[p - sy]))
-                        value = cosine * here - sine * across
-                if (is_wet[p] or is_wet[p - own]) and beta[p] > 0.0:
-                    # along the component itself: between cell centres
-                    width = metrics.ex[i] if axis == 0 else (metrics.ey[j] if axis == 1 else metrics.ez[k])
-                    low, high = 0.5 * (carrier[p - own] + carrier[p]), 0.5 * (carrier[p] + carrier[p + own])
-                    change = high * (face_value(q, p + own, own, high, abs(high) * dt / width) - here)
-                    change -= low * (face_value(q, p, own, low, abs(low) * dt / width) - here)
-                    rate = change / width
-                    if axis != 0:
-                        low, high = 0.5 * (fx[p - own] + fx[p]), 0.5 * (fx[p - own + one] + fx[p + one])
-                        width = metrics.dx[i]
-                        change = high * (face_value(q, p + one, one, high, abs(high) * dt / width) - here)
-                        change -= low * (face_value(q, p, one, low, abs(low) * dt / width) - here)
-                        rate += change / width
-                    if axis != 1:
-                        low, high = 0.5 * (fy[p - own] + fy[p]), 0.5 * (fy[p - own + sy] + fy[p + sy])
-                        width = metrics.dy[j]
-                        change = high * (face_value(q, p + sy, sy, high, abs(high) * dt / width) - here)
-                        change -= low * (face_value(q, p, sy, low, abs(low) * dt / width) - here)
-                        rate += change / width
-                    if axis != 2:
-                        low, high = 0.5 * (fz[p - own] + fz[p]), 0.5 * (fz[p - own + sz] + fz[p + sz])
-                        width = metrics.dz[k]
-                        change = high * (face_value(q, p + sz, sz, high, abs(high) * dt / width) - here)
-                        change -= low * (face_value(q, p, sz, low, abs(low) * dt / width) - here)
-                        rate += change / width
-                    value -= dt * rate
-                result[p] = value
+    rx = dt / (metrics.ex if axis == 0 else metrics.dx)
+    ry = dt / (metrics.ey if axis == 1 else metrics.dy)
+    rz = dt / (metrics.ez if axis == 2 else metrics.dz)
+    lo, hi = spans
+    back = np.uintp(own)
+    for j in prange(HALO, ny - HALO):
+        carry, value, even = np.empty((5, nx)), np.empty((5, nx)), np.empty(nx)
+        xc, xq, ya, yb, za, zb = carry[0], value[0], carry[1], carry[2], carry[3], carry[4]
+        qa, qb, sa, sb = value[1], value[2], value[3], value[4]
+        for k in range(HALO, nz - HALO):
+            start = max(lo[j, k], HALO)
+            n = min(hi[j, k], nx - HALO) - start
+            if n <= 0:
+                continue
+            first = (j * nz + k) * nx + start
+            _edges(flat, fx, own, 1, first, n + 1, rx[start:], xc, xq)
+            even[:n] = ry[j]
+            _edges(flat, fy, own, nz * nx, first, n, even, ya, qa)
+            _edges(flat, fy, own, nz * nx, first + nz * nx, n, even, yb, qb)
+            even[:n] = rz[k]
+            _edges(flat, fz, own, nx, first, n, even, za, sa)
+            _edges(flat, fz, own, nx, first + nx, n, even, zb, sb)
+            for m in range(n):
+                p = np.uintp(first + m)
+                here = flat[p]
+                change = (xc[m + 1] * (xq[m + 1] - here) - xc[m] * (xq[m] - here)) * rx[start + m]
+                change += (yb[m] * (qb[m] - here) - ya[m] * (qa[m] - here)) * ry[j]
+                change += (zb[m] * (sb[m] - here) - za[m] * (sa[m] - here)) * rz[k]
+                active = (is_wet[p] | is_wet[p - back]) != 0 and beta[p] > 0.0
+                result[p] -= change if active else 0.0
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def full_velocity(cx: Array, cy: Array, cz: Array, u: Array, v: Array, w: Array, solids: Openness, top: int) -> None:
+def full_velocity(
+    carrying: tuple[Array, Array, Array], velocity: tuple[Array, Array, Array], solids: Openness, spans: Spans
+) -> None:
     """Velocity on full faces: water where they are open, the solid where they are closed [m/s]."""
-    ny, nz, nx = u.shape
+    ny, nz, nx = velocity[0].shape
+    cx, cy, cz = carrying[0].ravel(), carrying[1].ravel(), carrying[2].ravel()
+    u, v, w = velocity[0].ravel(), velocity[1].ravel(), velocity[2].ravel()
+    bx, by, bz, sx, sy, sz = (
+        solids.bx.ravel(), solids.by.ravel(), solids.bz.ravel(), solids.sx.ravel(), solids.sy.ravel(),
+        solids.sz.ravel(),
+    )  # fmt: skip
+    lo, hi = spans
     for j in prange(1, ny - 1):
-        for k in range(1, min(top + 6, nz - 1)):
-            for i in range(1, nx - 1):
-                b = solids.bx[j, k, i]
-                cx[j, k, i] = b * u[j, k, i] + (1.0 - b) * solids.sx[j, k, i]
-                b = solids.by[j, k, i]
-                cy[j, k, i] = b * v[j, k, i] + (1.0 - b) * solids.sy[j, k, i]
-                b = solids.bz[j, k, i]
-                cz[j, k, i] = b * w[j, k, i] + (1.0 - b) * solids.sz[j, k, i]
+        for k in range(1, nz - 1):
+            start = (j * nz + k) * nx
+            for i in range(start + lo[j, k], start + hi[j, k]):
+                p = np.uintp(i)
+                cx[p] = bx[p] * u[p] + (1.0 - bx[p]) * sx[p]
+                cy[p] = by[p] * v[p] + (1.0 - by[p]) * sy[p]
+                cz[p] = bz[p] * w[p] + (1.0 - bz[p]) * sz[p]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def relative_velocity(
-    rx: Array, ry: Array, rz: Array, cx: Array, cy: Array, cz: Array, frame: Array, top: int, metrics: Metrics
-) -> None:
+    relative: tuple[Array, Array, Array], carrying: tuple[Array, Array, Array], frame: Array, spans: Spans,
+    metrics: Metrics,
+) -> None:  # fmt: skip
     """Velocity relative to the grid, whose origin moves at frame[0:2] [m/s] and which yaws at frame[2] [rad/s]."""
-    ny, nz, nx = rx.shape
+    ny, nz, nx = carrying[0].shape
+    rx, ry, rz = relative[0].ravel(), relative[1].ravel(), relative[2].ravel()
+    cx, cy, cz = carrying[0].ravel(), carrying[1].ravel(), carrying[2].ravel()
+    lo, hi = spans
+    xc = metrics.xc
     for j in prange(1, ny - 1):
-        for k in range(1, min(top + 6, nz - 1)):
-            for i in range(1, nx - 1):
-                rx[j, k, i] = cx[j, k, i] - (frame[0] - frame[2] * metrics.yc[j])
-                ry[j, k, i] = cy[j, k, i] - (frame[1] + frame[2] * metrics.xc[i])
-                rz[j, k, i] = cz[j, k, i]
+        along = frame[0] - frame[2] * metrics.yc[j]
+        for k in range(1, nz - 1):
+            start = (j * nz + k) * nx
+            for i in range(lo[j, k], hi[j, k]):
+                p = np.uintp(start + i)
+                rx[p] = cx[p] - along
+                ry[p] = cy[p] - (frame[1] + frame[2] * xc[np.uintp(i)])
+                rz[p] = cz[p]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def largest_courant(rx: Array, ry: Array, rz: Array, fraction: Array, metrics: Metrics, top: int, rates: Array) -> None:
+def largest_courant(
+    relative: tuple[Array, Array, Array], fraction: Array, metrics: Metrics, spans: Spans, rates: Array
+) -> None:
     """Per row j the largest sum of speed over width in a cell with water [1/s]; infinite if it is not a number."""
-    ny, nz, nx = rx.shape
+    ny, nz, nx = fraction.shape
+    one, sy, sz = np.uintp(1), np.uintp(nz * nx), np.uintp(nx)
+    rx, ry, rz, c = relative[0].ravel(), relative[1].ravel(), relative[2].ravel(), fraction.ravel()
+    widths = 1.0 / metrics.dx
+    lo, hi = spans
     for j in prange(HALO, ny - HALO):
-        largest = 0.0
-        for k in range(HALO, min(top + 2, nz - HALO)):
-            for i in range(HALO, nx - HALO):
-                if fraction[j, k, i] < RESOLVED:
-                    continue
-                rate = max(abs(rx[j, k, i]), abs(rx[j, k, i + 1])) / metrics.dx[i]
-                rate += max(abs(ry[j, k, i]), abs(ry[j + 1, k, i])) / metrics.dy[j]
-                rate += max(abs(rz[j, k, i]), abs(rz[j, k + 1, i])) / metrics.dz[k]
-                if rate > largest:
-                    largest = rate
-                elif not rate <= largest:
-                    largest = np.inf
-        rates[j] = largest
+        largest, total = 0.0, 0.0
+        for k in range(HALO, nz - HALO):
+            start = (j * nz + k) * nx
+            for i in range(max(lo[j, k], HALO), min(hi[j, k], nx - HALO)):
+                p = np.uintp(start + i)
+                x0, x1 = abs(rx[p]), abs(rx[p + one])
+                y0, y1 = abs(ry[p]), abs(ry[p + sy])
+                z0, z1 = abs(rz[p]), abs(rz[p + sz])
+                rate = (x0 if x0 > x1 else x1) * widths[np.uintp(i)]
+                rate += (y0 if y0 > y1 else y1) / metrics.dy[j] + (z0 if z0 > z1 else z1) / metrics.dz[k]
+                rate = rate if c[p] >= RESOLVED else 0.0
+                largest = rate if rate > largest else largest
+                total += rate
+        rates[j] = largest if total < np.inf else np.inf

@@ -102,7 +102,11 @@ def prism(outline: Array, width: float, friction: float = 0.0) -> Solid:
     if area <= 0.0:
         raise ValueError(f"prism outline encloses {area:g} m^2; give its corners counter-clockwise in (x, z).")
     low, high = outline.min(axis=0), outline.max(axis=0)
-    parameters = np.concatenate([[0.5 * width, len(outline)], outline.ravel()])
+    edges = np.roll(outline, -1, axis=0) - outline
+    lengths = np.sum(edges**2, axis=1, keepdims=True)
+    if lengths.min() <= 0.0:
+        raise ValueError("prism outline has two equal corners in a row; leave one out.")
+    parameters = np.concatenate([[0.5 * width], np.hstack([outline, edges, 1.0 / lengths]).ravel()])
     corners = np.array([low[0], -0.5 * width, low[1]]), np.array([high[0], 0.5 * width, high[1]])
     return Solid(PRISM, parameters, *corners, friction)
 
@@ -313,21 +317,19 @@ def _corner(a: float, b: float, c: float) -> tuple[float, float, float, float]:
 @njit(cache=True, error_model="numpy")
 def _polygon(parameters: Array, x: float, z: float) -> tuple[float, float, float]:
     """Signed distance and outward normal of a counter-clockwise polygon."""
-    n = int(parameters[1])
     best, bx, bz, inside = 1e300, 0.0, 0.0, False
     ex, ez = 0.0, 0.0
-    for m in range(n):
-        l = m + 1 if m + 1 < n else 0  # noqa: E741
-        x0, z0 = parameters[2 + 2 * m], parameters[3 + 2 * m]
-        x1, z1 = parameters[2 + 2 * l], parameters[3 + 2 * l]
-        tx, tz = x1 - x0, z1 - z0
-        part = min(max(((x - x0) * tx + (z - z0) * tz) / (tx * tx + tz * tz), 0.0), 1.0)
-        px, pz = x - x0 - part * tx, z - z0 - part * tz
+    for m in range(1, len(parameters), 5):  # corner, edge, inverse square of its length
+        x0, z0, tx, tz = parameters[m], parameters[m + 1], parameters[m + 2], parameters[m + 3]
+        px, pz = x - x0, z - z0
+        part = (px * tx + pz * tz) * parameters[m + 4]
+        part = min(max(part, 0.0), 1.0)
+        if (pz >= 0.0) != (pz >= tz) and (px * tz < pz * tx) == (tz > 0.0):
+            inside = not inside
+        px, pz = px - part * tx, pz - part * tz
         d2 = px * px + pz * pz
         if d2 < best:
             best, bx, bz, ex, ez = d2, px, pz, tz, -tx
-        if (z0 > z) != (z1 > z) and x < x0 + (z - z0) * tx / tz:
-            inside = not inside
     d = math.sqrt(best)
     if d < 1e-12:
         s = 1.0 / math.sqrt(ex * ex + ez * ez)
@@ -408,68 +410,123 @@ def place_solid(
 ) -> None:  # fmt: skip
     """Close what a solid closes; pose and velocity in grid axes [m, m/s, rad/s].
 
-    The openness is the mean over eight points a quarter of a cell off the face's centre: the ramp is then about 1.5
-    half cells wide either way, and edges of the solid keep their volume.
+    The openness of a face is the mean over the eight octants of cells that touch it (their centres lie a quarter of a
+    cell off the face's): the ramp is then about 1.5 half cells wide either way, and edges of the solid keep their
+    volume.
     """
-    for j in prange(region[0], region[1]):
-        _place_row(
-            j,
-            number,
-            kind,
-            parameters,
-            samples,
-            position,
-            rotation,
-            velocity,
-            angular_velocity,
-            region,
-            metrics,
-            openness,
+    j0, j1, k0, k1, i0, i1 = region
+    halves = np.ones((j1 - j0, k1 - k0, i1 - i0, 6), dtype=np.float32)
+    for j in prange(j0, j1):
+        _measure_row(j, number, kind, parameters, samples, position, rotation, region, metrics, openness)
+    for j in prange(j0, j1):
+        _octants_row(
+            j, number, kind, parameters, samples, position, rotation, region, metrics, openness, halves[j - j0]
         )
+    for j in prange(j0, j1):
+        _close_row(j, position, velocity, angular_velocity, region, metrics, openness, halves)
 
 
 @njit(cache=True, error_model="numpy")
-def _place_row(
+def _measure_row(
     j: int, number: int, kind: int, parameters: Array, samples: Array, position: Array, rotation: Array,
-    velocity: Array, angular_velocity: Array, region: NDArray[np.int64], metrics: Metrics, openness: Openness,
+    region: NDArray[np.int64], metrics: Metrics, openness: Openness,
 ) -> None:  # fmt: skip
-    """Row j of `place_solid`."""
-    faces = (openness.bx, openness.by, openness.bz)
-    speeds = (openness.sx, openness.sy, openness.sz)
+    """Row j of `place_solid`: distances of the cells' centres."""
+    r, y = rotation, metrics.yc[j] - position[1]
+    for k in range(region[2], region[3]):
+        z = metrics.zc[k] - position[2]
+        for i in range(region[4], region[5]):
+            x = metrics.xc[i] - position[0]
+            d, _, _, _ = measure(
+                kind, parameters, samples, r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
+                r[0, 1] * x + r[1, 1] * y + r[2, 1] * z, r[0, 2] * x + r[1, 2] * y + r[2, 2] * z,
+            )  # fmt: skip
+            if d < openness.distance[j, k, i]:
+                openness.distance[j, k, i] = d
+                openness.nearest[j, k, i] = number
+
+
+@njit(cache=True, error_model="numpy")
+def _octants_row(
+    j: int, number: int, kind: int, parameters: Array, samples: Array, position: Array, rotation: Array,
+    region: NDArray[np.int64], metrics: Metrics, openness: Openness, halves: NDArray[np.float32],
+) -> None:  # fmt: skip
+    """Row j of `place_solid`: mean ramps of the cells' low and high halves along x, y, z.
+
+    Where the distance is linear from each neighbour to the opposite one, the wall is flat throughout the cell and the
+    octants follow from the slopes.
+    """
+    d, nearest = openness.distance, openness.nearest
+    ny, nz, nx = d.shape
     dy = metrics.dy[j]
     for k in range(region[2], region[3]):
         dz = metrics.dz[k]
         for i in range(region[4], region[5]):
             dx = metrics.dx[i]
-            x, y, z = metrics.xc[i] - position[0], metrics.yc[j] - position[1], metrics.zc[k] - position[2]
-            center, widths = _distance_in_widths(kind, parameters, samples, rotation, x, y, z, dx, dy, dz)
-            if center < openness.distance[j, k, i]:
-                openness.distance[j, k, i] = center
-                openness.nearest[j, k, i] = number
-            if widths > 1.35:  # half a cell to the face, three quarters of the ramp, and something for curvature
+            reach = 0.9 * (dx + dy + dz)
+            here = d[j, k, i]
+            if here > reach:
                 continue
-            for axis in range(3):
-                x = (metrics.xf[i] if axis == 0 else metrics.xc[i]) - position[0]
-                y = (metrics.yf[j] if axis == 1 else metrics.yc[j]) - position[1]
-                z = (metrics.zf[k] if axis == 2 else metrics.zc[k]) - position[2]
-                value = 0.0
-                if widths > -1.35:
-                    _, share = _distance_in_widths(kind, parameters, samples, rotation, x, y, z, dx, dy, dz)
-                    if share >= 0.8:
-                        continue
-                    if share > -0.8:
-                        for n in range(8):
-                            _, part = _distance_in_widths(
-                                kind, parameters, samples, rotation, x + (0.5 * (n & 1) - 0.25) * dx,
-                                y + (0.25 * (n & 2) - 0.25) * dy, z + (0.125 * (n & 4) - 0.25) * dz, dx, dy, dz,
-                            )  # fmt: skip
-                            value += 0.125 * ramp(2.0 * part)
-                if value < faces[axis][j, k, i]:
-                    faces[axis][j, k, i] = value
-                    if axis == 0:
-                        speed = velocity[0] + angular_velocity[1] * z - angular_velocity[2] * y
-                    elif axis == 1:
-                        speed = velocity[1] + angular_velocity[2] * x - angular_velocity[0] * z
-                    else:
-                        speed = velocity[2] + angular_velocity[0] * y - angular_velocity[1] * x
-                    speeds[axis][j, k, i] = speed
+            half = halves[k - region[2], i - region[4]]
+            if nearest[j, k, i] == number and here < -reach:
+                half[:] = 0.0
+                continue
+            flat, gx, gy, gz = False, 0.0, 0.0, 0.0
+            if nearest[j, k, i] == number and 0 < i < nx - 1 and 0 < j < ny - 1 and 0 < k < nz - 1:
+                gx, gx_low = (d[j, k, i + 1] - here) / metrics.ex[i + 1], (here - d[j, k, i - 1]) / metrics.ex[i]
+                gy, gy_low = (d[j + 1, k, i] - here) / metrics.ey[j + 1], (here - d[j - 1, k, i]) / metrics.ey[j]
+                gz, gz_low = (d[j, k + 1, i] - here) / metrics.ez[k + 1], (here - d[j, k - 1, i]) / metrics.ez[k]
+                flat = abs(gx - gx_low) + abs(gy - gy_low) + abs(gz - gz_low) < 1e-6
+            x, y, z = metrics.xc[i] - position[0], metrics.yc[j] - position[1], metrics.zc[k] - position[2]
+            if flat:
+                scale = 1.0 / (abs(gx) * dx + abs(gy) * dy + abs(gz) * dz)
+                widths = here * scale
+            else:
+                scale = 0.0
+                _, widths = _distance_in_widths(kind, parameters, samples, rotation, x, y, z, dx, dy, dz)
+            if widths > 0.9:  # a quarter of a cell to the octant, half for the ramp, and something for curvature
+                continue
+            half[:] = 0.0
+            if widths < -0.9:
+                continue
+            for n in range(8):
+                a, b, c = n & 1, (n >> 1) & 1, n >> 2
+                ox, oy, oz = (0.5 * a - 0.25) * dx, (0.5 * b - 0.25) * dy, (0.5 * c - 0.25) * dz
+                if flat:
+                    part = (here + gx * ox + gy * oy + gz * oz) * scale
+                else:
+                    _, part = _distance_in_widths(
+                        kind, parameters, samples, rotation, x + ox, y + oy, z + oz, dx, dy, dz
+                    )  # fmt: skip
+                value = np.float32(0.25 * ramp(2.0 * part))
+                half[a] += value
+                half[2 + b] += value
+                half[4 + c] += value
+
+
+@njit(cache=True, error_model="numpy")
+def _close_row(
+    j: int, position: Array, velocity: Array, angular_velocity: Array, region: NDArray[np.int64], metrics: Metrics,
+    openness: Openness, halves: NDArray[np.float32],
+) -> None:  # fmt: skip
+    """Row j of `place_solid`: openness of the low faces and the solid's velocity on them."""
+    b, k0, i0 = j - region[0], region[2], region[4]
+    o = angular_velocity
+    for k in range(k0, region[3]):
+        for i in range(i0, region[5]):
+            here = halves[b, k - k0, i - i0]  # beyond the region all is open
+            value = 0.5 * (np.float64(halves[b, k - k0, i - i0 - 1, 1] if i > i0 else 1.0) + here[0])
+            if value < openness.bx[j, k, i]:
+                y, z = metrics.yc[j] - position[1], metrics.zc[k] - position[2]
+                openness.bx[j, k, i] = value
+                openness.sx[j, k, i] = velocity[0] + o[1] * z - o[2] * y
+            value = 0.5 * (np.float64(halves[b - 1, k - k0, i - i0, 3] if b > 0 else 1.0) + here[2])
+            if value < openness.by[j, k, i]:
+                x, z = metrics.xc[i] - position[0], metrics.zc[k] - position[2]
+                openness.by[j, k, i] = value
+                openness.sy[j, k, i] = velocity[1] + o[2] * x - o[0] * z
+            value = 0.5 * (np.float64(halves[b, k - k0 - 1, i - i0, 5] if k > k0 else 1.0) + here[4])
+            if value < openness.bz[j, k, i]:
+                x, y = metrics.xc[i] - position[0], metrics.yc[j] - position[1]
+                openness.bz[j, k, i] = value
+                openness.sz[j, k, i] = velocity[2] + o[0] * y - o[1] * x

@@ -1,28 +1,29 @@
-"""What surrounds the wet, open part of the window: far field, tank walls, bed, air and the inside of solids."""
+"""What surrounds the window: far field, tank walls, bed and air."""
 
 from __future__ import annotations
 
-import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
-from numpy.typing import NDArray
 
-from exumob.environment import GRAVITY
-from exumob.flow.body import Openness
 from exumob.flow.grid import HALO, Metrics
+from exumob.flow.spans import Spans
 from exumob.states import Array
 
-TRUSTED = 0.5
-"""Faces at least this open keep their own velocity and give it to their neighbours [-]."""
-BLENDED = 0.7
-"""Faces less open than this are drawn towards the slip velocity [-]."""
-BLEND_RATE = 50.0
-"""... at BLEND_RATE [(BLENDED - openness) / openness]^2 [1/s]."""
-LAYERS = 3
-"""Faces beyond the water to which the velocity is extended."""
-FASTEST_FALL = 3.0
-"""Of water too thin to be resolved [m/s]."""
+
+class Rates(NamedTuple):
+    """How fast the far field draws the water towards still water or the current [1/s], halo included.
+
+    Velocity components are taken on their faces: a rate half a cell off reflects waves and tells low sides from high.
+    """
+
+    x: Array
+    """At the cells' centres along x"""
+    y: Array
+    x_faces: Array
+    """At their low faces"""
+    y_faces: Array
 
 
 def level_fractions(metrics: Metrics, level: float) -> Array:
@@ -121,25 +122,23 @@ def fill_velocity(u: Array, v: Array, w: Array, far: Array, far_x: bool, far_y: 
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def relax_velocity(u: Array, v: Array, w: Array, far: Array, rate_x: Array, rate_y: Array, dt: float, top: int) -> None:
-    """Draw the velocity towards the undisturbed flow, implicitly, at the larger of two rates [1/s] per column."""
+def relax_velocity(u: Array, v: Array, w: Array, far: Array, rates: Rates, dt: float, spans: Spans) -> None:
+    """Draw the velocity towards the undisturbed flow, implicitly, at the larger of the two sides' rates."""
     ny, nz, nx = u.shape
+    lo, hi = spans
+    x, y, x_faces, y_faces = rates
     for j in prange(HALO, ny - HALO + 1):
-        for k in range(HALO, min(top + 2, nz - HALO)):
-            for i in range(HALO, nx - HALO + 1):
-                rate = max(rate_x[i], rate_y[j])
-                if rate > 0.0:
-                    share = 1.0 / (1.0 + rate * dt)
-                    u[j, k, i] = far[0] + share * (u[j, k, i] - far[0])
-                    v[j, k, i] = far[1] + share * (v[j, k, i] - far[1])
+        for k in range(HALO, nz - HALO):
+            for i in range(max(lo[j, k], HALO), min(hi[j, k], nx - HALO + 1)):
+                if max(x[i], y[j], x_faces[i], y_faces[j]) > 0.0:
+                    u[j, k, i] = far[0] + (u[j, k, i] - far[0]) / (1.0 + dt * max(x_faces[i], y[j]))
+                    v[j, k, i] = far[1] + (v[j, k, i] - far[1]) / (1.0 + dt * max(x[i], y_faces[j]))
                     if k > HALO:
-                        w[j, k, i] = share * w[j, k, i]
+                        w[j, k, i] = w[j, k, i] / (1.0 + dt * max(x[i], y[j]))
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def relax_level(
-    fraction: Array, level: float, rate_x: Array, rate_y: Array, dt: float, metrics: Metrics, added: Array
-) -> None:
+def relax_level(fraction: Array, level: float, rates: Rates, dt: float, metrics: Metrics, added: Array) -> None:
     """Draw the level of whole columns towards still water: fill the lowest gap or drain the top, cell after cell.
 
     Parameters
@@ -148,8 +147,8 @@ def relax_level(
         [-]
     level : float
         Of still water [m].
-    rate_x, rate_y : array
-        Rates of the columns, the larger counts [1/s].
+    rates : Rates
+        The larger of the two sides' counts.
     added : array, shape (ny,), changed
         Volume added per row j [m^3].
     """
@@ -157,7 +156,7 @@ def relax_level(
     for j in prange(HALO, ny - HALO):
         volume = 0.0
         for i in range(HALO, nx - HALO):
-            rate = max(rate_x[i], rate_y[j])
+            rate = max(rates.x[i], rates.y[j])
             if rate <= 0.0:
                 continue
             height = 0.0
@@ -180,223 +179,3 @@ def relax_level(
                     if change >= 0.0:
                         break
         added[j] = volume
-
-
-@njit(cache=True, error_model="numpy")
-def extend(
-    e: Array, wet: NDArray[np.uint8], open_faces: Array, fraction: Array, axis: int, top: int, far: float, dt: float,
-    label: NDArray[np.uint8], first: NDArray[np.int64], second: NDArray[np.int64],
-) -> None:  # fmt: skip
-    """Extend one velocity component `LAYERS` faces into air and solids by averages of known neighbours.
-
-    Faces not reached keep falling if there is water in them and take the undisturbed flow otherwise.
-
-    Parameters
-    ----------
-    e : array, changed
-        The component [m/s].
-    open_faces : array
-        Its openness [-].
-    label : array, changed
-        0 unknown, 1 known, 2 and more extended, 255 outside.
-    first, second : arrays
-        Work space for flat indices.
-    """
-    ny, nz, nx = e.shape
-    sy, sz = nz * nx, nx
-    own = 1 if axis == 0 else (sy if axis == 1 else sz)
-    q, c, is_wet, beta, mark = e.ravel(), fraction.ravel(), wet.ravel(), open_faces.ravel(), label.ravel()
-    last = min(top + 1 + LAYERS, nz - HALO - 1) + 1
-    label[:, : last + 1] = 255
-    j_low, k_low, i_low = HALO + (axis == 1), HALO + (axis == 2), HALO + (axis == 0)
-    for j in range(HALO, ny - HALO + (axis == 1)):
-        for k in range(HALO, last):
-            for i in range(HALO, nx - HALO + (axis == 0)):
-                p = j * sy + k * sz + i
-                known = (is_wet[p] or is_wet[p - own]) and beta[p] >= TRUSTED
-                if known:
-                    mark[p] = 1
-                elif j >= j_low and k >= k_low and i >= i_low and j < ny - HALO and i < nx - HALO:
-                    mark[p] = 0
-    count = 0
-    for j in range(j_low, ny - HALO):
-        for k in range(k_low, last):
-            for i in range(i_low, nx - HALO):
-                p = j * sy + k * sz + i
-                if mark[p] == 0 and (
-                    mark[p - 1] == 1 or mark[p + 1] == 1 or mark[p - sy] == 1 or mark[p + sy] == 1
-                    or mark[p - sz] == 1 or mark[p + sz] == 1
-                ):  # fmt: skip
-                    first[count] = p
-                    count += 1
-    for layer in range(2, 2 + LAYERS):
-        for n in range(count):
-            p = first[n]
-            total, weight = 0.0, 0.0
-            for s in (sz, sy, 1):
-                a, b = mark[p - s] < layer and mark[p - s] > 0, mark[p + s] < layer and mark[p + s] > 0
-                total += (q[p - s] if a else 0.0) + (q[p + s] if b else 0.0)
-                weight += (1.0 if a else 0.0) + (1.0 if b else 0.0)
-            q[p] = total / weight
-            mark[p] = layer
-        following = 0
-        for n in range(count):
-            p = first[n]
-            for s in (1, sy, sz):
-                for r in (p - s, p + s):
-                    if mark[r] == 0:
-                        mark[r] = 254
-                        second[following] = r
-                        following += 1
-        for n in range(following):
-            mark[second[n]] = 0
-        first, second = second, first
-        count = following
-    for j in range(j_low, ny - HALO):
-        for k in range(k_low, last):
-            for i in range(i_low, nx - HALO):
-                p = j * sy + k * sz + i
-                if mark[p] == 0:
-                    if c[p] <= 0.0 and c[p - own] <= 0.0:
-                        q[p] = far
-                    elif axis == 2:
-                        q[p] = max(q[p] - GRAVITY * dt, -FASTEST_FALL)
-
-
-@njit(cache=True, error_model="numpy", parallel=True)
-def take_extended(
-    u: Array, e: Array, wet: NDArray[np.uint8], open_faces: Array, axis: int, top: int, label: NDArray[np.uint8]
-) -> None:
-    """Replace a component by its extension wherever the projection did not set it."""
-    ny, nz, nx = u.shape
-    own = 1 if axis == 0 else (nz * nx if axis == 1 else nx)
-    q, ext, is_wet, beta, mark = u.ravel(), e.ravel(), wet.ravel(), open_faces.ravel(), label.ravel()
-    for j in prange(HALO, ny - HALO + 1):
-        for k in range(HALO, min(top + 1 + LAYERS, nz - HALO - 1) + 1):
-            for i in range(HALO, nx - HALO + 1):
-                p = (j * nz + k) * nx + i
-                if mark[p] != 255 and not ((is_wet[p] or is_wet[p - own]) and beta[p] > 0.0):
-                    q[p] = ext[p]
-
-
-@njit(cache=True, error_model="numpy")
-def slip(
-    out: tuple[Array, Array, Array], ext: tuple[Array, Array, Array], wet: NDArray[np.uint8], solids: Openness,
-    regions: NDArray[np.int64], position: Array, velocity: Array, angular_velocity: Array, density: float, dt: float,
-    metrics: Metrics, exchange: Array,
-) -> None:  # fmt: skip
-    """Draw small open faces towards the extended velocity without its part through the wall; set closed ones to it.
-
-    u = (u + rate dt u_slip) / (1 + rate dt) with rate = 50 [(0.7 - beta) / beta]^2 1/s: a face that is hardly open has
-    hardly any water of its own. What momentum this takes is given to the solid.
-
-    Parameters
-    ----------
-    out : three arrays, changed
-        Velocity [m/s].
-    ext : three arrays
-        Extended velocity [m/s].
-    regions : array of int, shape (n, 6)
-        Index boxes of the solids.
-    position, velocity, angular_velocity : array, shape (n, 3)
-        Of the solids, grid axes.
-    exchange : array, shape (n, 6), changed
-        Force [N] and moment [N m] about the solids' origins, grid axes.
-    """
-    ny, nz, nx = wet.shape
-    d = solids.distance
-    for n in range(len(regions)):
-        for j in range(max(regions[n, 0], HALO), min(regions[n, 1], ny - HALO)):
-            for k in range(max(regions[n, 2], HALO), min(regions[n, 3], nz - HALO)):
-                for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
-                    for axis in range(3):
-                        beta = (
-                            solids.bx[j, k, i]
-                            if axis == 0
-                            else (solids.by[j, k, i] if axis == 1 else solids.bz[j, k, i])
-                        )
-                        if beta >= BLENDED or (axis == 2 and k == HALO):
-                            continue
-                        jb, kb, ib = j - (axis == 1), k - (axis == 2), i - (axis == 0)
-                        owner = solids.nearest[j, k, i] if d[j, k, i] <= d[jb, kb, ib] else solids.nearest[jb, kb, ib]
-                        if owner != n:
-                            continue
-                        gx = _slope(d, j, k, i, jb, kb, ib, 0, metrics)
-                        gy = _slope(d, j, k, i, jb, kb, ib, 1, metrics)
-                        gz = _slope(d, j, k, i, jb, kb, ib, 2, metrics)
-                        norm = math.sqrt(gx * gx + gy * gy + gz * gz)
-                        if not 1e-3 < norm < 1e2:
-                            continue
-                        gx, gy, gz = gx / norm, gy / norm, gz / norm
-                        x = (metrics.xf[i] if axis == 0 else metrics.xc[i]) - position[n, 0]
-                        y = (metrics.yf[j] if axis == 1 else metrics.yc[j]) - position[n, 1]
-                        z = (metrics.zf[k] if axis == 2 else metrics.zc[k]) - position[n, 2]
-                        o = angular_velocity[n]
-                        through = (
-                            gx * (_at(ext[0], 0, axis, j, k, i) - (velocity[n, 0] + o[1] * z - o[2] * y))
-                            + gy * (_at(ext[1], 1, axis, j, k, i) - (velocity[n, 1] + o[2] * x - o[0] * z))
-                            + gz * (_at(ext[2], 2, axis, j, k, i) - (velocity[n, 2] + o[0] * y - o[1] * x))
-                        )
-                        along = gx if axis == 0 else (gy if axis == 1 else gz)
-                        if axis == 0:
-                            here, target = out[0][j, k, i], ext[0][j, k, i]
-                        elif axis == 1:
-                            here, target = out[1][j, k, i], ext[1][j, k, i]
-                        else:
-                            here, target = out[2][j, k, i], ext[2][j, k, i]
-                        target -= along * through
-                        if (wet[j, k, i] or wet[jb, kb, ib]) and beta > 0.0:
-                            strength = dt * BLEND_RATE * ((BLENDED - beta) / beta) ** 2
-                            change = strength / (1.0 + strength) * (target - here)
-                            volume = (
-                                (metrics.ex[i] if axis == 0 else metrics.dx[i])
-                                * (metrics.ey[j] if axis == 1 else metrics.dy[j])
-                                * (metrics.ez[k] if axis == 2 else metrics.dz[k])
-                            )
-                            force = -density * beta * volume * change / dt
-                            exchange[n, axis] += force
-                            if axis == 0:
-                                exchange[n, 4] += z * force
-                                exchange[n, 5] -= y * force
-                            elif axis == 1:
-                                exchange[n, 3] -= z * force
-                                exchange[n, 5] += x * force
-                            else:
-                                exchange[n, 3] += y * force
-                                exchange[n, 4] -= x * force
-                            target = here + change
-                        if axis == 0:
-                            out[0][j, k, i] = target
-                        elif axis == 1:
-                            out[1][j, k, i] = target
-                        else:
-                            out[2][j, k, i] = target
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _slope(d: Array, j: int, k: int, i: int, jb: int, kb: int, ib: int, axis: int, m: Metrics) -> float:
-    """Gradient of the distance along `axis` at the face between cells (j, k, i) and (jb, kb, ib)."""
-    if axis == 0:
-        if ib != i:
-            return (d[j, k, i] - d[j, k, ib]) / m.ex[i]
-        here, there = d[j, k, i + 1] - d[j, k, i - 1], d[jb, kb, i + 1] - d[jb, kb, i - 1]
-        return 0.5 * (here + there) / (m.ex[i] + m.ex[i + 1])
-    if axis == 1:
-        if jb != j:
-            return (d[j, k, i] - d[jb, k, i]) / m.ey[j]
-        here, there = d[j + 1, k, i] - d[j - 1, k, i], d[j + 1, kb, ib] - d[j - 1, kb, ib]
-        return 0.5 * (here + there) / (m.ey[j] + m.ey[j + 1])
-    if kb != k:
-        return (d[j, k, i] - d[j, kb, i]) / m.ez[k]
-    here, there = d[j, k + 1, i] - d[j, k - 1, i], d[jb, k + 1, ib] - d[jb, k - 1, ib]
-    return 0.5 * (here + there) / (m.ez[k] + m.ez[k + 1])
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _at(q: Array, component: int, axis: int, j: int, k: int, i: int) -> float:
-    """Value of a velocity component at the face (axis; j, k, i): its own, or the mean of the four around it."""
-    if component == axis:
-        return q[j, k, i]
-    jb, kb, ib = j - (axis == 1), k - (axis == 2), i - (axis == 0)
-    ja, ka, ia = component == 1, component == 2, component == 0
-    return 0.25 * ((q[j, k, i] + q[jb + ja, kb + ka, ib + ia]) + (q[jb, kb, ib] + q[j + ja, k + ka, i + ia]))

@@ -8,6 +8,7 @@ on full cells, inside solids too; what solids hold is refilled from the water be
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numba import njit, prange
@@ -15,46 +16,36 @@ from numpy.typing import NDArray
 
 from exumob.flow.body import Openness
 from exumob.flow.grid import HALO, Metrics
+from exumob.flow.spans import Spans
 from exumob.states import Array
 
+Single = NDArray[np.float32]
 SHARPNESS = 3.5
 """Slope of the THINC profile [-] (Yokoi 2007): about 1.5 cells between 5 % and 95 %."""
 EMPTY = 1.0e-9
 """Fractions nearer to 0 or 1 than this count as air or water [-]."""
+UNKNOWN = np.float32(2.0)
+"""Orientation of a cell that the surface did not pass when the step began."""
+EXP_ONE, EXP_TWO = math.exp(SHARPNESS), math.exp(2.0 * SHARPNESS)
 STACK = 3
 """Cells searched on either side for the height of the surface."""
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
-def mark_wet(fraction: Array, wet: NDArray[np.uint8]) -> int:
-    """Mark cells at least half full; return the highest layer holding any water."""
-    ny, nz, nx = fraction.shape
-    tops = np.zeros(ny, dtype=np.int64)
-    for j in prange(HALO, ny - HALO):
-        for k in range(HALO, nz - HALO):
-            any_water = False
-            for i in range(HALO, nx - HALO):
-                c = fraction[j, k, i]
-                wet[j, k, i] = 1 if c >= 0.5 else 0
-                any_water = any_water or c > EMPTY
-            if any_water:
-                tops[j] = k
-    top = HALO
-    for j in range(ny):
-        top = max(top, tops[j])
-    return top
-
-
 @njit(cache=True, error_model="numpy", inline="always")
-def gradient(c: Array, p: int, sx: int, sy: int, sz: int) -> tuple[float, float, float]:
-    """Gradient of the fraction over the 27 cells about p (Youngs), in fractions per cell."""
-    gx, gy, gz = 0.0, 0.0, 0.0
-    for a in range(-1, 2):
-        for b in range(-1, 2):
-            weight = (2.0 - abs(a)) * (2.0 - abs(b))
-            gx += weight * (c[p + sx + a * sy + b * sz] - c[p - sx + a * sy + b * sz])
-            gy += weight * (c[p + sy + a * sx + b * sz] - c[p - sy + a * sx + b * sz])
-            gz += weight * (c[p + sz + a * sx + b * sy] - c[p - sz + a * sx + b * sy])
+def _plane(c: Array, p: int, a: int, b: int) -> float:
+    """Sum over the 3 x 3 cells about p along the strides a and b, weighted 4, 2, 1."""
+    sides = (c[p - a] + c[p + a]) + (c[p - b] + c[p + b])
+    corners = (c[p - a - b] + c[p + a + b]) + (c[p - a + b] + c[p + a - b])
+    return 4.0 * c[p] + 2.0 * sides + corners
+
+
+@njit(cache=True, error_model="numpy")
+def gradient(c: Array, cell: int, sy: int, sz: int) -> tuple[float, float, float]:
+    """Gradient of the fraction over the 27 cells about a cell (Youngs), in fractions per cell."""
+    p, x, y, z = np.uintp(cell), np.uintp(1), np.uintp(sy), np.uintp(sz)
+    gx = _plane(c, p + x, y, z) - _plane(c, p - x, y, z)
+    gy = _plane(c, p + y, x, z) - _plane(c, p - y, x, z)
+    gz = _plane(c, p + z, x, y) - _plane(c, p - z, x, y)
     return gx / 32.0, gy / 32.0, gz / 32.0
 
 
@@ -106,7 +97,7 @@ def surface_position(
 ) -> float:  # fmt: skip
     """Where the surface lies between wet cell p = (j, k, i) and its dry neighbour q = (mj, mk, mi): 0 at p, 1 at q."""
     sy, sz = shape[1] * shape[2], shape[2]
-    gx, gy, gz = gradient(c, p, 1, sy, sz)
+    gx, gy, gz = gradient(c, p, sy, sz)
     if abs(gz) >= abs(gx) and abs(gz) >= abs(gy):
         up = -1 if gz > 0.0 else 1
         here = stack_distance(c, p, sz, up, metrics.dz, k, HALO)
@@ -138,23 +129,52 @@ def thinc_flux(c: float, rising: float, courant: float) -> float:
     courant : float
         Signed share of the cell that leaves, > 0 through the high face.
     """
-    b = SHARPNESS
-    ends = math.exp(b * rising * (2.0 * c - 1.0))
-    e = (math.exp(b) - ends) / (ends - math.exp(-b))  # exp(2 b * position of the jump)
-    if courant > 0.0:
-        s0, s1 = 1.0 - courant, 1.0
-    else:
-        s0, s1 = 0.0, -courant
+    size = abs(courant)
+    ends = math.exp(SHARPNESS * rising * (2.0 * c - 1.0))
+    e = (EXP_ONE - ends) / (ends - 1.0 / EXP_ONE)  # exp(2 b * position of the jump)
+    grown = math.exp(2.0 * SHARPNESS * size)
     if e > 1e30:  # the jump lies far beyond the high face
         logarithm = 0.0
+    elif courant > 0.0:
+        logarithm = math.log((EXP_TWO + e) / (EXP_TWO / grown + e))
     else:
-        logarithm = math.log((math.exp(2.0 * b * s1) + e) / (math.exp(2.0 * b * s0) + e))
-    mean = 0.5 * (s1 - s0) + rising / (2.0 * b) * (logarithm - b * (s1 - s0))
-    return math.copysign(min(max(mean, 0.0), min(abs(courant), c)), courant)
+        logarithm = math.log((grown + e) / (1.0 + e))
+    mean = 0.5 * size + rising / (2.0 * SHARPNESS) * (logarithm - SHARPNESS * size)
+    return math.copysign(min(max(mean, 0.0), min(size, c)), courant)
+
+
+@njit(cache=True, error_model="numpy")
+def _orientation(c: Array, p: int, sy: int, sz: int) -> tuple[float, float, float]:
+    """Gradient of the fraction over the sum of its absolute components; 0 if there is none."""
+    gx, gy, gz = gradient(c, p, sy, sz)
+    total = abs(gx) + abs(gy) + abs(gz)
+    if total <= 1e-12:
+        return 0.0, 0.0, 0.0
+    return gx / total, gy / total, gz / total
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def sweep_fluxes(fraction: Array, flow: Array, axis: int, top: int, dt: float, metrics: Metrics, flux: Array) -> None:
+def orient(fraction: Array, orientation: tuple[Single, Single, Single], spans: Spans) -> None:
+    """Orientation of the surface in every cell it passes; `UNKNOWN` in others."""
+    ny, nz, nx = fraction.shape
+    c = fraction.ravel()
+    ox, oy, oz = orientation[0].ravel(), orientation[1].ravel(), orientation[2].ravel()
+    lo, hi = spans
+    for j in prange(HALO, ny - HALO):
+        for k in range(HALO, nz - HALO):
+            start = (j * nz + k) * nx
+            for i in range(start + max(lo[j, k], HALO), start + min(hi[j, k], nx - HALO)):
+                p = np.uintp(i)
+                ox[p] = UNKNOWN
+                if EMPTY < c[p] < 1.0 - EMPTY:
+                    ox[p], oy[p], oz[p] = _orientation(c, i, nz * nx, nx)
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def sweep_fluxes(
+    fraction: Array, flow: Array, axis: int, dt: float, orientation: tuple[Single, Single, Single], spans: Spans,
+    metrics: Metrics, flux: Array,
+) -> None:  # fmt: skip
     """Volume of water through each low face along one axis, per face area [m].
 
     Parameters
@@ -163,77 +183,97 @@ def sweep_fluxes(fraction: Array, flow: Array, axis: int, top: int, dt: float, m
         Fraction [-] and velocity relative to the grid [m/s].
     axis : int
         0 x, 1 y, 2 z.
-    top : int
-        Highest layer to visit.
+    orientation : three arrays
+        Of the surface at the begin of the step, from `orient`.
+    spans : Spans
+        Cells whose low faces are visited.
     flux : array, changed
         dt times flow times the fraction that passes [m].
     """
     ny, nz, nx = fraction.shape
     sy, sz = nz * nx, nx
     stride = 1 if axis == 0 else (sy if axis == 1 else sz)
+    back = np.uintp(stride)
+    widths = metrics.dx if axis == 0 else (metrics.dy if axis == 1 else metrics.dz)
     c, u, f = fraction.ravel(), flow.ravel(), flux.ravel()
+    along, known = orientation[axis].ravel(), orientation[0].ravel()
+    lo, hi = spans
     for j in prange(HALO, ny - HALO + 1):
-        for k in range(HALO, min(top + 1, nz - HALO) + 1):
-            for i in range(HALO, nx - HALO + 1):
-                p = j * sy + k * sz + i
-                shift = dt * u[p]
-                donor = p - stride if shift > 0.0 else p
+        for k in range(HALO, nz - HALO + 1):
+            start = (j * nz + k) * nx
+            first, last = max(lo[j, k], HALO), min(hi[j, k], nx - HALO + 1)
+            cut = 0
+            for i in range(start + first, start + last):  # full and empty donors
+                p = np.uintp(i)
+                value = c[p - back] if u[p] > 0.0 else c[p]
+                f[p] = dt * u[p] * (value if value > EMPTY else 0.0)
+                cut += 1 if EMPTY < value < 1.0 - EMPTY else 0
+            if cut == 0:
+                continue
+            for i in range(first, last):
+                p = np.uintp(start + i)
+                donor = p - back if u[p] > 0.0 else p
                 value = c[donor]
-                if value <= EMPTY:
-                    f[p] = 0.0
+                if value <= EMPTY or value >= 1.0 - EMPTY:
                     continue
-                if value >= 1.0 - EMPTY:
-                    f[p] = shift * value
+                slope = np.float64(along[donor])
+                if known[donor] == UNKNOWN:
+                    turned = _orientation(c, np.intp(donor), sy, sz)
+                    slope = turned[axis]
+                if slope == 0.0:
                     continue
                 m = i if axis == 0 else (j if axis == 1 else k)
-                widths = metrics.dx if axis == 0 else (metrics.dy if axis == 1 else metrics.dz)
-                width = widths[m - 1] if shift > 0.0 else widths[m]
-                gx, gy, gz = gradient(c, donor, 1, sy, sz)
-                slope = gx if axis == 0 else (gy if axis == 1 else gz)
-                total = abs(gx) + abs(gy) + abs(gz)
-                weight = abs(slope) / total if total > 1e-12 else 0.0
-                passed = 0.0
-                if weight > 0.0:
-                    passed = weight * width * thinc_flux(value, math.copysign(1.0, slope), shift / width)
-                f[p] = passed + (1.0 - weight) * value * shift
+                width = widths[m - 1] if u[p] > 0.0 else widths[m]
+                passed = width * thinc_flux(value, math.copysign(1.0, slope), dt * u[p] / width)
+                f[p] = abs(slope) * passed + (1.0 - abs(slope)) * f[p]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def sweep_update(
-    fraction: Array, begin: Array, flow: Array, flux: Array, axis: int, top: int, dt: float, metrics: Metrics
+    fraction: Array, begin: Array, flow: Array, flux: Array, axis: int, dt: float, spans: Spans, metrics: Metrics
 ) -> None:
     """Take the fluxes of one sweep; cells that began more than half full also take the sweep's own dilatation."""
     ny, nz, nx = fraction.shape
-    stride = 1 if axis == 0 else (nz * nx if axis == 1 else nx)
+    on = np.uintp(1 if axis == 0 else (nz * nx if axis == 1 else nx))
     c, b, u, f = fraction.ravel(), begin.ravel(), flow.ravel(), flux.ravel()
+    lo, hi = spans
     for j in prange(HALO, ny - HALO):
-        for k in range(HALO, min(top + 1, nz - HALO - 1) + 1):
-            for i in range(HALO, nx - HALO):
-                p = (j * nz + k) * nx + i
-                width = metrics.dx[i] if axis == 0 else (metrics.dy[j] if axis == 1 else metrics.dz[k])
-                change = f[p] - f[p + stride]
-                if b[p] >= 0.5:
-                    change += dt * (u[p + stride] - u[p])
-                c[p] += change / width
+        share = 1.0 / metrics.dx
+        if axis == 1:
+            share[:] = 1.0 / metrics.dy[j]
+        for k in range(HALO, nz - HALO):
+            if axis == 2:
+                share[:] = 1.0 / metrics.dz[k]
+            start = (j * nz + k) * nx
+            for i in range(max(lo[j, k], HALO), min(hi[j, k], nx - HALO)):
+                p = np.uintp(start + i)
+                change = f[p] - f[p + on]
+                change += dt * (u[p + on] - u[p]) if b[p] >= 0.5 else 0.0
+                c[p] += change * share[np.uintp(i)]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def remove_dilatation(
-    fraction: Array, begin: Array, ax: Array, ay: Array, az: Array, top: int, dt: float, metrics: Metrics
+    fraction: Array, begin: Array, flow: tuple[Array, Array, Array], dt: float, spans: Spans, metrics: Metrics
 ) -> None:
     """Take back the sum of the sweeps' dilatations, which is 0 where the flow has no divergence: volume is exact."""
     ny, nz, nx = fraction.shape
+    one, sy, sz = np.uintp(1), np.uintp(nz * nx), np.uintp(nx)
+    c, b = fraction.ravel(), begin.ravel()
+    fx, fy, fz = flow[0].ravel(), flow[1].ravel(), flow[2].ravel()
+    share = 1.0 / metrics.dx
+    lo, hi = spans
     for j in prange(HALO, ny - HALO):
-        for k in range(HALO, min(top + 1, nz - HALO - 1) + 1):
-            for i in range(HALO, nx - HALO):
-                if begin[j, k, i] >= 0.5:
-                    fraction[j, k, i] -= dt * (
-                        (ax[j, k, i + 1] - ax[j, k, i]) / metrics.dx[i]
-                        + (ay[j + 1, k, i] - ay[j, k, i]) / metrics.dy[j]
-                        + (az[j, k + 1, i] - az[j, k, i]) / metrics.dz[k]
-                    )
-                if fraction[j, k, i] < 0.0 and fraction[j, k, i] > -1e-12:
-                    fraction[j, k, i] = 0.0
+        share_y = 1.0 / metrics.dy[j]
+        for k in range(HALO, nz - HALO):
+            share_z = 1.0 / metrics.dz[k]
+            start = (j * nz + k) * nx
+            for i in range(max(lo[j, k], HALO), min(hi[j, k], nx - HALO)):
+                p = np.uintp(start + i)
+                rate = (fx[p + one] - fx[p]) * share[np.uintp(i)]
+                rate += (fy[p + sy] - fy[p]) * share_y + (fz[p + sz] - fz[p]) * share_z
+                value = c[p] - (dt * rate if b[p] >= 0.5 else 0.0)
+                c[p] = 0.0 if -1e-12 < value < 0.0 else value
 
 
 @njit(cache=True, error_model="numpy")
@@ -268,18 +308,14 @@ def sample_outside(
     return total / weights if weights > 1e-6 else -1.0
 
 
-@njit(cache=True, error_model="numpy")
-def refill_solids(
-    fraction: Array, refilled: Array, distance: Array, regions: NDArray[np.int64], metrics: Metrics, depth: float
-) -> None:
+@njit(cache=True, error_model="numpy", parallel=True)
+def refill_solids(fraction: Array, distance: Array, regions: NDArray[np.int64], metrics: Metrics, depth: float) -> None:
     """Give cells inside solids, up to `depth` cells below the wall, the fraction of the fluid beside them.
 
     Parameters
     ----------
     fraction : array, changed
         [-]
-    refilled : array
-        Work space.
     distance : array
         Signed distance to the nearest solid [m].
     regions : array of int, shape (n, 6)
@@ -288,36 +324,42 @@ def refill_solids(
         [cells]
     """
     ny, nz, nx = fraction.shape
-    for write in range(2):
-        for n in range(len(regions)):
-            for j in range(max(regions[n, 0], HALO), min(regions[n, 1], ny - HALO)):
-                for k in range(max(regions[n, 2], HALO), min(regions[n, 3], nz - HALO)):
-                    for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
-                        d = distance[j, k, i]
-                        if d >= 0.0:
-                            continue
-                        gx = (distance[j, k, i + 1] - distance[j, k, i - 1]) / (metrics.ex[i + 1] + metrics.ex[i])
-                        gy = (distance[j + 1, k, i] - distance[j - 1, k, i]) / (metrics.ey[j + 1] + metrics.ey[j])
-                        gz = (distance[j, k + 1, i] - distance[j, k - 1, i]) / (metrics.ez[k + 1] + metrics.ez[k])
-                        norm = math.sqrt(gx * gx + gy * gy + gz * gz)
-                        if norm < 1e-6:
-                            continue
-                        gx, gy, gz = gx / norm, gy / norm, gz / norm
-                        h = abs(gx) * metrics.dx[i] + abs(gy) * metrics.dy[j] + abs(gz) * metrics.dz[k]
-                        if d > -0.5 * h or d < -depth * h:
-                            continue
-                        if write:
-                            fraction[j, k, i] = refilled[j, k, i]
-                            continue
-                        step = h - d
-                        value = sample_outside(
-                            fraction, distance, metrics.xc[i] + step * gx, metrics.yc[j] + step * gy,
-                            max(metrics.zc[k] + step * gz, metrics.zc[HALO]), j, k, i, metrics,
-                        )  # fmt: skip
-                        refilled[j, k, i] = fraction[j, k, i] if value < 0.0 else value
+    for n in range(len(regions)):
+        for j in prange(max(regions[n, 0], HALO), min(regions[n, 1], ny - HALO)):
+            for k in range(max(regions[n, 2], HALO), min(regions[n, 3], nz - HALO)):
+                for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
+                    d = distance[j, k, i]
+                    if d >= 0.0:
+                        continue
+                    gx = (distance[j, k, i + 1] - distance[j, k, i - 1]) / (metrics.ex[i + 1] + metrics.ex[i])
+                    gy = (distance[j + 1, k, i] - distance[j - 1, k, i]) / (metrics.ey[j + 1] + metrics.ey[j])
+                    gz = (distance[j, k + 1, i] - distance[j, k - 1, i]) / (metrics.ez[k + 1] + metrics.ez[k])
+                    norm = math.sqrt(gx * gx + gy * gy + gz * gz)
+                    if norm < 1e-6:
+                        continue
+                    gx, gy, gz = gx / norm, gy / norm, gz / norm
+                    h = abs(gx) * metrics.dx[i] + abs(gy) * metrics.dy[j] + abs(gz) * metrics.dz[k]
+                    if d > -0.5 * h or d < -depth * h:
+                        continue
+                    step = h - d
+                    value = sample_outside(  # of cells outside alone, so the order of the writes does not matter
+                        fraction, distance, metrics.xc[i] + step * gx, metrics.yc[j] + step * gy,
+                        max(metrics.zc[k] + step * gz, metrics.zc[HALO]), j, k, i, metrics,
+                    )  # fmt: skip
+                    if value >= 0.0:
+                        fraction[j, k, i] = value
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
+def open_share(solids: Openness, j: int, k: int, i: int) -> float:
+    """Mean openness of a cell's six faces."""
+    return (
+        solids.bx[j, k, i] + solids.bx[j, k, i + 1] + solids.by[j, k, i] + solids.by[j + 1, k, i] + solids.bz[j, k, i]
+        + solids.bz[j, k + 1, i]
+    ) / 6.0  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
 def release_surface(
     fraction: Array, changed: Array, solids: Openness, regions: NDArray[np.int64], position: Array, velocity: Array,
     angular_velocity: Array, frame: Array, dt: float, metrics: Metrics,
@@ -340,57 +382,57 @@ def release_surface(
     """
     ny, nz, nx = fraction.shape
     d = solids.distance
-    for write in range(2):
-        for n in range(len(regions)):
-            for j in range(max(regions[n, 0], HALO), min(regions[n, 1], ny - HALO)):
-                for k in range(max(regions[n, 2], HALO), min(regions[n, 3], nz - HALO)):
-                    for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
-                        if solids.nearest[j, k, i] != n:
-                            continue
-                        share = (
-                            solids.bx[j, k, i] + solids.bx[j, k, i + 1] + solids.by[j, k, i] + solids.by[j + 1, k, i]
-                            + solids.bz[j, k, i] + solids.bz[j, k + 1, i]
-                        ) / 6.0  # fmt: skip
-                        if share > 0.999 or share < 0.001:
-                            continue
-                        if write:
-                            fraction[j, k, i] = changed[j, k, i]
-                            continue
-                        c = fraction[j, k, i]
-                        changed[j, k, i] = c
-                        gx = (d[j, k, i + 1] - d[j, k, i - 1]) / (metrics.ex[i + 1] + metrics.ex[i])
-                        gy = (d[j + 1, k, i] - d[j - 1, k, i]) / (metrics.ey[j + 1] + metrics.ey[j])
-                        gz = (d[j, k + 1, i] - d[j, k - 1, i]) / (metrics.ez[k + 1] + metrics.ez[k])
-                        norm = math.sqrt(gx * gx + gy * gy + gz * gz)
-                        if norm < 1e-6:
-                            continue
-                        gx, gy, gz = gx / norm, gy / norm, gz / norm
-                        x, y, z = metrics.xc[i], metrics.yc[j], metrics.zc[k]
-                        px, py, pz = x - position[n, 0], y - position[n, 1], z - position[n, 2]
-                        o = angular_velocity[n]
-                        ux = velocity[n, 0] + o[1] * pz - o[2] * py - (frame[0] - frame[2] * y)
-                        uy = velocity[n, 1] + o[2] * px - o[0] * pz - (frame[1] + frame[2] * x)
-                        uz = velocity[n, 2] + o[0] * py - o[1] * px
-                        through = ux * gx + uy * gy + uz * gz
-                        ux, uy, uz = ux - through * gx, uy - through * gy, uz - through * gz
-                        if ux > 0.0:
-                            slope = ux * (fraction[j, k, i + 1] - c) / metrics.ex[i + 1]
-                        else:
-                            slope = ux * (c - fraction[j, k, i - 1]) / metrics.ex[i]
-                        if uy > 0.0:
-                            slope += uy * (fraction[j + 1, k, i] - c) / metrics.ey[j + 1]
-                        else:
-                            slope += uy * (c - fraction[j - 1, k, i]) / metrics.ey[j]
-                        if uz > 0.0:
-                            slope += uz * (fraction[j, k + 1, i] - c) / metrics.ez[k + 1]
-                        elif k > HALO:
-                            slope += uz * (c - fraction[j, k - 1, i]) / metrics.ez[k]
-                        changed[j, k, i] = c + dt * (1.0 - share) * slope
+    for n in range(len(regions)):
+        for j in prange(max(regions[n, 0], HALO), min(regions[n, 1], ny - HALO)):
+            for k in range(max(regions[n, 2], HALO), min(regions[n, 3], nz - HALO)):
+                for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
+                    if solids.nearest[j, k, i] != n:
+                        continue
+                    share = open_share(solids, j, k, i)
+                    if not 0.001 <= share <= 0.999:
+                        continue
+                    c = fraction[j, k, i]
+                    changed[j, k, i] = c
+                    gx = (d[j, k, i + 1] - d[j, k, i - 1]) / (metrics.ex[i + 1] + metrics.ex[i])
+                    gy = (d[j + 1, k, i] - d[j - 1, k, i]) / (metrics.ey[j + 1] + metrics.ey[j])
+                    gz = (d[j, k + 1, i] - d[j, k - 1, i]) / (metrics.ez[k + 1] + metrics.ez[k])
+                    norm = math.sqrt(gx * gx + gy * gy + gz * gz)
+                    if norm < 1e-6:
+                        continue
+                    gx, gy, gz = gx / norm, gy / norm, gz / norm
+                    x, y, z = metrics.xc[i], metrics.yc[j], metrics.zc[k]
+                    px, py, pz = x - position[n, 0], y - position[n, 1], z - position[n, 2]
+                    o = angular_velocity[n]
+                    ux = velocity[n, 0] + o[1] * pz - o[2] * py - (frame[0] - frame[2] * y)
+                    uy = velocity[n, 1] + o[2] * px - o[0] * pz - (frame[1] + frame[2] * x)
+                    uz = velocity[n, 2] + o[0] * py - o[1] * px
+                    through = ux * gx + uy * gy + uz * gz
+                    ux, uy, uz = ux - through * gx, uy - through * gy, uz - through * gz
+                    if ux > 0.0:
+                        slope = ux * (fraction[j, k, i + 1] - c) / metrics.ex[i + 1]
+                    else:
+                        slope = ux * (c - fraction[j, k, i - 1]) / metrics.ex[i]
+                    if uy > 0.0:
+                        slope += uy * (fraction[j + 1, k, i] - c) / metrics.ey[j + 1]
+                    else:
+                        slope += uy * (c - fraction[j - 1, k, i]) / metrics.ey[j]
+                    if uz > 0.0:
+                        slope += uz * (fraction[j, k + 1, i] - c) / metrics.ez[k + 1]
+                    elif k > HALO:
+                        slope += uz * (c - fraction[j, k - 1, i]) / metrics.ez[k]
+                    changed[j, k, i] = c + dt * (1.0 - share) * slope
+    for n in range(len(regions)):
+        for j in prange(max(regions[n, 0], HALO), min(regions[n, 1], ny - HALO)):
+            for k in range(max(regions[n, 2], HALO), min(regions[n, 3], nz - HALO)):
+                for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
+                    if solids.nearest[j, k, i] == n and 0.001 <= open_share(solids, j, k, i) <= 0.999:
+                        fraction[j, k, i] = changed[j, k, i]
 
 
 def transport(
-    fraction: Array, begin: Array, flow: tuple[Array, Array, Array], order: tuple[int, int, int], top: int, dt: float,
-    metrics: Metrics, flux: Array, fill: object,
+    fraction: Array, begin: Array, flow: tuple[Array, Array, Array], order: tuple[int, int, int], dt: float,
+    orientation: tuple[Single, Single, Single], faces: Spans, cells: Spans,
+    metrics: Metrics, flux: Array, fill: Callable[[Array], None],
 ) -> None:  # fmt: skip
     """Carry the fraction over one step; `fill(fraction)` sets the halo after each sweep.
 
@@ -404,14 +446,17 @@ def transport(
         Velocity relative to the grid on full faces [m/s].
     order : three ints
         Order of the sweeps (changed from step to step).
-    top : int
-        Highest layer that water can reach in this step.
     dt : float
         [s]
+    orientation : three arrays, changed
+        Work space.
+    faces, cells : Spans
+        Water, 4 and 3 cells wider: each sweep can wet one more cell.
     """
+    orient(fraction, orientation, cells)
     for axis in order:
-        sweep_fluxes(fraction, flow[axis], axis, top, dt, metrics, flux)
-        sweep_update(fraction, begin, flow[axis], flux, axis, top, dt, metrics)
-        fill(fraction)  # type: ignore[operator]
-    remove_dilatation(fraction, begin, *flow, top, dt, metrics)
-    fill(fraction)  # type: ignore[operator]
+        sweep_fluxes(fraction, flow[axis], axis, dt, orientation, faces, metrics, flux)
+        sweep_update(fraction, begin, flow[axis], flux, axis, dt, cells, metrics)
+        fill(fraction)
+    remove_dilatation(fraction, begin, flow, dt, cells, metrics)
+    fill(fraction)

@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from exumob.flow.advection import face_value
 from exumob.flow.grid import HALO, Metrics
+from exumob.flow.spans import Spans
 from exumob.flow.wall import KARMAN, friction_velocity
 from exumob.states import Array
 
@@ -30,8 +30,6 @@ MOST_DIFFUSION = 0.2
 """Largest viscosity times step times (1/dx^2 + 1/dy^2 + 1/dz^2) [-]: the explicit stress is stable below 1/4."""
 LEAST_DISTANCE, REACH = 1.0e-5, 1.01
 """Active cells are farther from solids [m]; the log law reaches this far [cells]. Off 0 and 1, where many cells lie."""
-ABOVE = 5
-"""Layers above the highest water that are kept up."""
 INACTIVE, AT_WALL = -1.0, 2.0
 """Marks in the blending field (else F1, 0 to 1): cell without turbulence; cell whose omega the wall sets."""
 
@@ -47,12 +45,11 @@ def step_up(x: float) -> float:
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def fill_sides(q: Array, inflow: float, flow: tuple[Array, Array, Array], top: int) -> None:
+def fill_sides(q: Array, inflow: float, flow: tuple[Array, Array, Array]) -> None:
     """Set the halo of k or omega: the inflow where water enters the window, else what is inside (also at the bed)."""
     ny, nz, nx = q.shape
-    last = min(top + ABOVE + 1, nz)
     east, north = nx - HALO, ny - HALO
-    for k in prange(HALO, last):
+    for k in prange(HALO, nz):
         for j in range(ny):
             low = inflow if flow[0][j, k, HALO] > 0.0 else q[j, k, HALO]
             high = inflow if flow[0][j, k, east] < 0.0 else q[j, k, east - 1]
@@ -70,8 +67,8 @@ def fill_sides(q: Array, inflow: float, flow: tuple[Array, Array, Array], top: i
 @njit(cache=True, error_model="numpy", parallel=True)
 def sources(
     viscosity: Array, old_k: Array, old_omega: Array, new_k: Array, new_omega: Array, blend: Array, u: Array, v: Array,
-    w: Array, wet: NDArray[np.uint8], distance: Array, bed_is_wall: bool, top: int, dt: float, molecular: float,
-    metrics: Metrics,
+    w: Array, wet: NDArray[np.uint8], distance: Array, bed_is_wall: bool, spans: Spans, dt: float,
+    molecular: float, metrics: Metrics,
 ) -> None:  # fmt: skip
     """Eddy viscosity, blending function F1, production of k and source of omega of every cell.
 
@@ -95,14 +92,15 @@ def sources(
     uf, vf, wf, kf, of = u.ravel(), v.ravel(), w.ravel(), old_k.ravel(), old_omega.ravel()
     nu, source_k, source_o, f1 = viscosity.ravel(), new_k.ravel(), new_omega.ravel(), blend.ravel()
     is_wet, d = wet.ravel(), distance.ravel()
-    last = min(top + ABOVE, nz - HALO)
+    lo, hi = spans
     for j in prange(HALO, ny - HALO):
         dy, two_y = metrics.dy[j], metrics.ey[j] + metrics.ey[j + 1]
-        for k in range(HALO, last):
+        for k in range(HALO, nz - HALO):
             dz, two_z = metrics.dz[k], metrics.ez[k] + metrics.ez[k + 1]
             bed = metrics.zc[k] if bed_is_wall else 1e30
             across = 1.0 / (dy * dy) + 1.0 / (dz * dz)
-            for i in range(HALO, nx - HALO):
+            blend[j, k] = INACTIVE
+            for i in range(max(lo[j, k], HALO), min(hi[j, k], nx - HALO)):
                 p = np.uintp((j * nz + k) * nx + i)
                 if is_wet[p] == 0 or d[p] <= LEAST_DISTANCE:
                     nu[p], f1[p] = molecular, INACTIVE
@@ -145,7 +143,7 @@ def sources(
 def walls(
     old_k: Array, new_k: Array, new_omega: Array, blend: Array, u: Array, v: Array, w: Array, distance: Array,
     nearest: NDArray[np.int8], position: Array, velocity: Array, angular_velocity: Array, friction: Array,
-    bed_roughness: float, top: int, molecular: float, metrics: Metrics,
+    bed_roughness: float, spans: Spans, molecular: float, metrics: Metrics,
 ) -> None:  # fmt: skip
     """Production and omega in cells next to a wall with friction, from the log law.
 
@@ -165,9 +163,10 @@ def walls(
         Equivalent sand roughness of the bed [m]; negative: the bed slips.
     """
     ny, nz, nx = u.shape
+    lo, hi = spans
     for j in prange(HALO, ny - HALO):
-        for k in range(HALO, min(top + 1, nz - HALO)):
-            for i in range(HALO, nx - HALO):
+        for k in range(HALO, nz - HALO):
+            for i in range(max(lo[j, k], HALO), min(hi[j, k], nx - HALO)):
                 if blend[j, k, i] < 0.0:
                     continue
                 on_bed = k == HALO and bed_roughness >= 0.0
@@ -203,6 +202,19 @@ def walls(
 
 
 @njit(cache=True, error_model="numpy", inline="always")
+def _face(q: Array, p: int, s: int, carry: float, courant: float) -> float:
+    """Upwind value between cells p - s and p at half the time step (as in `exumob.flow.advection`, without branches)."""
+    up = carry > 0.0
+    low, high = q[p - s], q[p]
+    middle = high - low
+    outer = low - q[p - s - s] if up else q[p + s] - high
+    size = min(min(2.0 * abs(outer), 2.0 * abs(middle)), 0.5 * abs(middle + outer))
+    size = size if middle * outer > 0.0 else 0.0
+    slope = size if (middle > 0.0) == up else -size  # towards the face, from the upwind side
+    return (low if up else high) + 0.5 * (1.0 - courant) * slope
+
+
+@njit(cache=True, error_model="numpy", inline="always")
 def _mixed(mark: float, first: float, second: float) -> float:
     """Blend of a coefficient of the two models by F1, or 1 next to a wall."""
     return second + min(max(mark, 0.0), 1.0) * (first - second)
@@ -222,7 +234,7 @@ def _into(
 def transport(
     old: Array, new: Array, omega: Array, blend: Array, viscosity: Array, flow: tuple[Array, Array, Array],
     faces: tuple[Array, Array, Array], sigma: tuple[float, float], beta: tuple[float, float], at_wall: bool,
-    inflow: float, least: float, top: int, dt: float, molecular: float, metrics: Metrics,
+    inflow: float, least: float, spans: Spans, dt: float, molecular: float, metrics: Metrics,
 ) -> None:  # fmt: skip
     """Advance k or omega: advection (MUSCL) and diffusion explicit, destruction implicit, so that it stays positive.
 
@@ -249,12 +261,15 @@ def transport(
     bx, by, bz = faces[0].ravel(), faces[1].ravel(), faces[2].ravel()
     q, out, rates, f1, nu = old.ravel(), new.ravel(), omega.ravel(), blend.ravel(), viscosity.ravel()
     (s1, s2), (b1, b2), nu0 = sigma, beta, molecular
-    last = min(top + ABOVE, nz - HALO)
+    lo, hi = spans
     for j in prange(HALO, ny - HALO):
         dy, ey0, ey1 = metrics.dy[j], metrics.ey[j], metrics.ey[j + 1]
-        for k in range(HALO, last):
+        for k in range(HALO, nz - HALO):
             dz, ez0, ez1 = metrics.dz[k], metrics.ez[k], metrics.ez[k + 1]
-            for i in range(HALO, nx - HALO):
+            first, end = max(lo[j, k], HALO), min(hi[j, k], nx - HALO)
+            new[j, k, HALO:first] = inflow
+            new[j, k, max(end, HALO) : nx - HALO] = inflow
+            for i in range(first, end):
                 p = np.uintp((j * nz + k) * nx + i)
                 mark = f1[p]
                 if mark < 0.0:
@@ -269,14 +284,14 @@ def transport(
                     continue
                 dx, ex0, ex1, here = metrics.dx[i], metrics.ex[i], metrics.ex[i + 1], q[p]
                 low, high = fx[p], fx[p + one]
-                change = low * (face_value(q, p, one, low, abs(low) * dt / dx) - here) / dx
-                change -= high * (face_value(q, p + one, one, high, abs(high) * dt / dx) - here) / dx
+                change = low * (_face(q, p, one, low, abs(low) * dt / dx) - here) / dx
+                change -= high * (_face(q, p + one, one, high, abs(high) * dt / dx) - here) / dx
                 low, high = fy[p], fy[p + sy]
-                across = low * (face_value(q, p, sy, low, abs(low) * dt / dy) - here) / dy
-                across -= high * (face_value(q, p + sy, sy, high, abs(high) * dt / dy) - here) / dy
+                across = low * (_face(q, p, sy, low, abs(low) * dt / dy) - here) / dy
+                across -= high * (_face(q, p + sy, sy, high, abs(high) * dt / dy) - here) / dy
                 low, high = fz[p], fz[p + sz]
-                change += low * (face_value(q, p, sz, low, abs(low) * dt / dz) - here) / dz
-                change -= high * (face_value(q, p + sz, sz, high, abs(high) * dt / dz) - here) / dz
+                change += low * (_face(q, p, sz, low, abs(low) * dt / dz) - here) / dz
+                change -= high * (_face(q, p + sz, sz, high, abs(high) * dt / dz) - here) / dz
                 own = nu0 + (nu[p] - nu0) * _mixed(mark, s1, s2)
                 change += _into(q, nu, f1, bx[p], p, p - one, own, s1, s2, dx * ex0, nu0)
                 change += _into(q, nu, f1, bx[p + one], p, p + one, own, s1, s2, dx * ex1, nu0)

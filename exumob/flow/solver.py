@@ -6,7 +6,7 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from exumob.checks import require_positive, require_within
 from exumob.environment import GRAVITY, Water
 from exumob.errors import SimulationError
-from exumob.flow import advection, boundary, forces, interface, pressure, tread, turbulence, wall
+from exumob.flow import advection, boundary, extension, forces, interface, pressure, spans, tread, turbulence, wall
 from exumob.flow.body import Openness, Poses, Solid, clear, index_region, place_solid
 from exumob.flow.grid import HALO, Grid
+from exumob.flow.spans import Spans
 from exumob.states import Array
 
 log = logging.getLogger(__name__)
@@ -129,13 +130,22 @@ class FlowState:
     u: Array
     v: Array
     w: Array
-    """Absolute velocity on the low faces, grid axes [m/s]"""
+    """Absolute velocity on the low faces, grid axes [m/s]; this and what follows: 0 outside `lo`, `hi`"""
+    ex: Array
+    ey: Array
+    ez: Array
+    """... extended from faces at least half open into those less open [m/s]"""
     cx: Array
     cy: Array
     cz: Array
     """Velocity on full faces that carries fraction and momentum [m/s]"""
+    lo: NDArray[np.int32]
+    hi: NDArray[np.int32]
+    """Spans of the rows where velocity is kept up"""
     fraction: Array
     """Water per full cell [-]"""
+    wet: NDArray[np.uint8]
+    """Cells that were at least half full when the pressure was solved"""
     phi: Array
     """dt times piezometric pressure over density [m^2/s]"""
     phi_dt: float
@@ -144,23 +154,28 @@ class FlowState:
     """[s]"""
     frame: Array
     """Grid origin x, y [m] and yaw [rad] in the world, shape (3,)"""
-    steps: int
+    steps: int = 0
     """Steps done"""
     step: float = 0.0
     """Length of the last step [s]"""
     calm: int = 0
     """Steps since one as short was needed"""
+    courant_rate: float = 0.0
+    """Largest rate at which water crosses cells [1/s]"""
+    volume_added: float = 0.0
+    """Water that the far field has added to the window [m^3]"""
     turbulence: Array = field(default_factory=lambda: np.zeros(0))
     """Fields of the closure, shape (number, ny, nz, nx)"""
 
     @classmethod
     def zeros(cls, shape: tuple[int, int, int], turbulence_fields: int = 0) -> FlowState:
         """All zero, for fields of this shape."""
-        u, v, w, cx, cy, cz, fraction, phi = (np.zeros(shape) for _ in range(8))
-        turbulence = np.zeros((turbulence_fields, *shape))
+        u, v, w, ex, ey, ez, cx, cy, cz, fraction, phi = (np.zeros(shape) for _ in range(11))
+        spans, wet = Spans.padded(shape), np.zeros(shape, dtype=np.uint8)
         return cls(
-            u, v, w, cx, cy, cz, fraction, phi, phi_dt=1.0, time=0.0, frame=np.zeros(3), steps=0, turbulence=turbulence
-        )
+            u, v, w, ex, ey, ez, cx, cy, cz, spans.lo, spans.hi, fraction, wet, phi, 1.0, 0.0, np.zeros(3),
+            turbulence=np.zeros((turbulence_fields, *shape)),
+        )  # fmt: skip
 
     def copy_from(self, other: FlowState) -> None:
         """Take the values of another state."""
@@ -170,6 +185,36 @@ class FlowState:
                 getattr(self, f.name)[...] = value
             else:
                 setattr(self, f.name, value)
+
+    @property
+    def velocity(self) -> tuple[Array, Array, Array]:
+        """Its three components [m/s]."""
+        return self.u, self.v, self.w
+
+    @property
+    def extended(self) -> tuple[Array, Array, Array]:
+        """Extended velocity [m/s]."""
+        return self.ex, self.ey, self.ez
+
+    @property
+    def carrying(self) -> tuple[Array, Array, Array]:
+        """Velocity on full faces [m/s]."""
+        return self.cx, self.cy, self.cz
+
+
+class Placed(NamedTuple):
+    """Solids in grid axes, one row each."""
+
+    position: Array
+    """Origins [m], shape (n, 3)"""
+    rotation: Array
+    """Body -> grid, shape (n, 3, 3)"""
+    velocity: Array
+    """[m/s]"""
+    rate: Array
+    """Angular velocity [rad/s]"""
+    spin: Array
+    """Angular velocity of the surface relative to the body [rad/s]"""
 
 
 @dataclass(frozen=True)
@@ -242,13 +287,15 @@ class FlowSolver:
         self._start_closure()
         self.openness = Openness.open(shape)
         self.levels = pressure.Levels(shape)
-        self._wet = np.zeros(shape, dtype=np.uint8)
         self._flow = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-        self._extended = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self._change = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self._theta = tuple(np.ones(shape) for _ in range(3))
-        self._labels = tuple(np.zeros(shape, dtype=np.uint8) for _ in range(3))
-        self._lists = tuple(np.zeros(math.prod(shape), dtype=np.int64) for _ in range(2))
+        unknown = np.full(shape, interface.UNKNOWN)
+        self._orientation = unknown, unknown.copy(), unknown.copy()
+        self._label = np.zeros(shape, dtype=np.uint8)
+        # spans of the wet cells, of these one cell wider, and of all water 3 and 4 cells wider
+        self._wet, self._active, self._cells, self._near = (Spans.empty(shape) for _ in range(4))
+        self._water = Spans.empty(shape)
         self._scratch = np.zeros(shape)
         self._viscosity = np.full(shape, settings.viscosity)
         self._rows = np.zeros(shape[0])
@@ -257,18 +304,20 @@ class FlowSolver:
         self._friction = np.array([s.friction for s in self.solids])
         self._treads = tread.tread_table(self.solids)
         self._regions = np.zeros((len(self.solids), 6), dtype=np.int64)
+        self._box: tuple[slice, ...] = (slice(0, 0),) * 3  # round all solids
         self._poses: Poses | None = None
-        self.volume_added = 0.0
-        """Water that the far field has added to the window [m^3]"""
 
-    def _absorbing_rates(self) -> tuple[Array, Array]:
+    def _absorbing_rates(self) -> boundary.Rates:
         s, m = self.settings, self.metrics
-        rates = []
-        for far, centers, faces in ((s.far_x, m.xc, self.grid.x_faces), (s.far_y, m.yc, self.grid.y_faces)):
-            inside = np.minimum(centers - faces[0], faces[-1] - centers)
-            part = np.clip(1.0 - inside / s.absorbing_width, 0.0, 1.0)
-            rates.append(s.absorbing_rate * part**2 if far else np.zeros(len(centers)))
-        return rates[0], rates[1]
+
+        def rates(far: bool, places: Array, faces: Array) -> Array:
+            inside = np.minimum(places - faces[0], faces[-1] - places)
+            return s.absorbing_rate * np.clip(1.0 - inside / s.absorbing_width, 0.0, 1.0) ** 2 * far
+
+        x, y = self.grid.x_faces, self.grid.y_faces
+        return boundary.Rates(
+            rates(s.far_x, m.xc, x), rates(s.far_y, m.yc, y), rates(s.far_x, m.xf, x), rates(s.far_y, m.yf, y)
+        )
 
     # -- the interval ---------------------------------------------------------------------------------------------
 
@@ -279,6 +328,7 @@ class FlowSolver:
             raise ValueError(f"start: {len(poses.position)} poses for {len(self.solids)} solids; give one for each.")
         state = self._state
         state.time, state.steps, state.phi_dt, state.step, state.calm = time, 0, 1.0, 0.0, 0
+        state.courant_rate = state.volume_added = 0.0
         state.frame[:] = self._frame(poses)
         state.fraction[:] = self._still[None, :, None]
         far = self._far(state.frame[2])
@@ -286,7 +336,7 @@ class FlowSolver:
             q[:] = value
         state.phi[:] = 0.0
         self._start_closure()
-        self._poses, self.volume_added = poses, 0.0
+        self._poses = poses
         self._place(poses, state.frame)
         self._fill(state, far)
         self._complete_velocity(state)
@@ -345,7 +395,7 @@ class FlowSolver:
         pieces = math.ceil(interval / state.step - 1e-9) if state.calm < CALM_STEPS and state.step > 0.0 else 1
         numba.set_num_threads(self.settings.threads)
         while done < 1.0 - 1e-12:
-            wanted = math.ceil(interval * self._courant_rate() / self.settings.courant - 1e-9)
+            wanted = math.ceil(interval * self._state.courant_rate / self.settings.courant - 1e-9)
             self._state.calm = 0 if wanted >= pieces and wanted > 1 else self._state.calm + 1
             pieces = max(pieces, wanted)
             share = min((1.0 - done) / max(1, round((1.0 - done) * pieces)), 1.0 - done)
@@ -386,115 +436,123 @@ class FlowSolver:
         frame[2] = old.frame[2] + math.remainder(frame[2] - old.frame[2], 2.0 * math.pi)
         drift = self._drift(old.frame, frame, dt)
         far = self._far(frame[2])
-        turned = frame[2] - old.frame[2]
-        position, rotation, velocity, rate, spin = self._place(poses, frame)
+        velocity, out, carrying = old.velocity, new.velocity, new.carrying
+        loads = np.zeros((3, len(self.solids), 6))
 
+        # faces hardly open have hardly any velocity of their own (solids still where the last step left them)
+        kept = [q[self._box].copy() for q in velocity]
+        loads[2] = self._blend(dt)
+
+        def fail(reason: str) -> str:
+            for q, values in zip(velocity, kept, strict=True):
+                q[self._box] = values
+            return reason
+
+        # solids and water where they are now
+        placed = self._place(poses, frame)
+        openness, regions = self.openness, self._regions
+        faces = (openness.bx, openness.by, openness.bz)
         fraction = new.fraction
         fraction[:] = old.fraction
         interface.release_surface(
-            fraction, self._scratch, self.openness, self._regions, position, velocity, rate, drift, dt, m
-        )
-        interface.refill_solids(fraction, self._scratch, self.openness.distance, self._regions, m, s.refill_depth)
+            fraction, self._scratch, openness, regions, placed.position, placed.velocity, placed.rate, drift, dt, m
+        )  # fmt: skip
+        interface.refill_solids(fraction, openness.distance, regions, m, s.refill_depth)
         self._fill_fraction(fraction)
-        top = interface.mark_wet(fraction, self._wet)
-        out = (new.u, new.v, new.w)
-        faces = (self.openness.bx, self.openness.by, self.openness.bz)
+        self._find_water(new)
 
-        # momentum: advection, turning axes, eddy stress, wall shear, far field
-        advection.relative_velocity(*self._flow, old.cx, old.cy, old.cz, drift, top, m)
+        # momentum: turning axes, advection, eddy stress, wall shear, far field
+        advection.turn(*velocity, out, frame[2] - old.frame[2], self._near)
+        advection.relative_velocity(self._flow, old.carrying, drift, self._near, m)
         for axis in range(3):
-            out[axis][:] = (old.u, old.v, old.w)[axis]
             advection.advect(
-                out[axis], old.u, old.v, old.w, self._flow, self._wet, faces[axis], axis, turned, dt, top, m
-            )
+                out[axis], velocity[axis], self._flow, new.wet, faces[axis], axis, dt, self._active, m
+            )  # fmt: skip
         if s.closure is not None:
             walls = turbulence.Walls(
-                self.openness, position, velocity, rate + spin, self._friction * s.wall_shear,
+                openness, placed.position, placed.velocity, placed.rate + placed.spin, self._friction * s.wall_shear,
                 -1.0 if s.bed_roughness is None else s.bed_roughness,
             )  # fmt: skip
             s.closure.update(
-                self._viscosity, old.turbulence, new.turbulence, old.u, old.v, old.w, self._flow, self._wet, walls,
-                top, dt, s.viscosity, m,
+                self._viscosity, old.turbulence, new.turbulence, *velocity, self._flow, new.wet, walls, self._active,
+                self._near, dt, s.viscosity, m,
             )  # fmt: skip
         if s.closure is not None or s.viscosity > 0.0:
             for axis in range(3):
                 turbulence.add_stress(
-                    out[axis], self._viscosity, old.u, old.v, old.w, self._wet, faces[axis], axis, dt, top, m
-                )
-        loads = np.zeros((3, len(self.solids), 6))
+                    out[axis], self._viscosity, velocity, new.wet, faces[axis], axis, dt, self._active, m
+                )  # fmt: skip
         if s.wall_shear and len(self.solids):
             forces.wall_shear(
-                self._change, *out, fraction, self._wet, self.openness, self._regions, position, velocity, rate, spin,
-                self._friction, self.water.density, dt, m, loads[1],
+                self._change, *out, fraction, new.wet, openness, regions, placed.position, placed.velocity,
+                placed.rate, placed.spin, self._friction, self.water.density, dt, m, loads[1],
             )  # fmt: skip
-            forces.add_and_clear(out, self._change, self._regions)
+            forces.add_and_clear(out, self._change, regions)
         if self._treads.any():
             tread.push(
-                self._change, *out, fraction, self._wet, self.openness, self._regions, position, velocity, rate,
-                np.ascontiguousarray(rotation[:, :, 1]), spin, self._treads, self.water.density, dt, m, loads[1],
+                self._change, *out, fraction, new.wet, openness, regions, placed.position, placed.velocity,
+                placed.rate, np.ascontiguousarray(placed.rotation[:, :, 1]), placed.spin, self._treads,
+                self.water.density, dt, m, loads[1],
             )  # fmt: skip
-            forces.add_and_clear(out, self._change, self._regions)
+            forces.add_and_clear(out, self._change, regions)
         if s.bed_roughness is not None:
-            wall.bed_shear(out, old.u, old.v, fraction, self._wet, faces[:2], s.bed_roughness, s.viscosity, dt, m)
+            wall.bed_shear(
+                out, old.u, old.v, fraction, new.wet, faces[:2], s.bed_roughness, s.viscosity, dt, m
+            )  # fmt: skip
         if s.far_x or s.far_y:
-            boundary.relax_velocity(*out, far, *self._rates, dt, top)
+            boundary.relax_velocity(*out, far, self._rates, dt, self._near)
         boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
 
         # pressure
         np.multiply(old.phi, dt / old.phi_dt, out=new.phi)
         pressure.assemble(
-            *out, fraction, self._wet, self.openness, m, dt, self.water.depth, s.closest_surface, s.void_stiffness, top,
-            *self._theta, self.levels.levels[0], self.levels.rhs,
+            *out, fraction, new.wet, openness, m, dt, self.water.depth, s.closest_surface, s.void_stiffness,
+            self._wet, *self._theta, self.levels.levels[0], self.levels.rhs,
         )  # fmt: skip
-        solved = pressure.solve(
-            self.levels, new.phi, m, dt, top, s.tolerance, s.iterations, s.closed_top
-        )  # fmt: skip
+        solved = pressure.solve(self.levels, new.phi, m, dt, self._wet, s.tolerance, s.iterations, s.closed_top)
         if not solved.converged and not solved.residual < 1e3 * s.tolerance:
-            return f"the pressure did not converge (divergence times step {solved.residual:.1e})"
-        pressure.project(
-            *out, new.phi, self._wet, self.openness, m, dt, self.water.depth, top, *self._theta
-        )  # fmt: skip
-        boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
+            return fail(f"the pressure did not converge (divergence times step {solved.residual:.1e})")
+        pressure.project(*out, new.phi, new.wet, openness, m, dt, self.water.depth, self._wet, *self._theta)
 
         # free surface: extended velocity, transport, far field
-        self._extend(out, fraction, top, far, dt)
-        advection.full_velocity(new.cx, new.cy, new.cz, *out, self.openness, top)
-        boundary.fill_velocity(new.cx, new.cy, new.cz, far, s.far_x, s.far_y, s.closed_top)
-        advection.relative_velocity(*self._flow, new.cx, new.cy, new.cz, drift, top, m)
-        advection.largest_courant(*self._flow, fraction, m, top, self._rows)
-        courant = float(self._rows.max()) * dt
-        if not courant < 2.0 * s.courant:
-            return f"the Courant number reached {courant:.2g}"
+        for axis in range(3):
+            extension.extend(
+                new.extended[axis], out[axis], new.wet, faces[axis], fraction, axis, far[axis], dt, self._near,
+                self._label,
+            )  # fmt: skip
+        boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
+        advection.full_velocity(carrying, out, openness, self._near)
+        boundary.fill_velocity(*carrying, far, s.far_x, s.far_y, s.closed_top)
+        advection.relative_velocity(self._flow, carrying, drift, self._near, m)
+        advection.largest_courant(self._flow, fraction, m, self._near, self._rows)
+        new.courant_rate = float(self._rows.max())
+        if not new.courant_rate * dt < 2.0 * s.courant:
+            return fail(f"the Courant number reached {new.courant_rate * dt:.2g}")
         begin = self.levels.rhs  # free by now
         begin[:] = fraction
         interface.transport(
-            fraction, begin, self._flow, SWEEPS[old.steps % len(SWEEPS)], top + 2, dt, m, self._scratch,
-            self._fill_fraction,
+            fraction, begin, self._flow, SWEEPS[old.steps % len(SWEEPS)], dt,
+            self._orientation, self._near, self._cells, m,
+            self._scratch, self._fill_fraction,
         )  # fmt: skip
         if s.far_x or s.far_y:
-            boundary.relax_level(fraction, self.water.depth, *self._rates, dt, m, self._rows)
-            self.volume_added += float(np.sum(self._rows[HALO:-HALO]))
+            boundary.relax_level(fraction, self.water.depth, self._rates, dt, m, self._rows)
+            new.volume_added = old.volume_added + float(np.sum(self._rows[HALO:-HALO]))
             self._fill_fraction(fraction)
 
-        # loads, and the velocity of faces hardly open
         if len(self.solids):
             forces.pressure_loads(
-                new.phi, begin, self._wet, self.openness, self._regions, position, self.water.density,
+                new.phi, begin, new.wet, openness, regions, placed.position, self.water.density,
                 self.water.depth, dt, s.pore_pressure, m, loads[0],
             )  # fmt: skip
-            boundary.slip(
-                out, self._extended, self._wet, self.openness, self._regions, position, velocity, rate,
-                self.water.density, dt, m, loads[2],
-            )  # fmt: skip
-            boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
             for n in range(len(self.solids)):
-                loads[:, n, :3] = loads[:, n, :3] @ rotation[n]
-                loads[:, n, 3:] = loads[:, n, 3:] @ rotation[n]
+                loads[:2, n, :3] = loads[:2, n, :3] @ placed.rotation[n]
+                loads[:2, n, 3:] = loads[:2, n, 3:] @ placed.rotation[n]
 
         new.time, new.frame[:], new.phi_dt, new.steps = old.time + dt, frame, dt, old.steps + 1
         new.step, new.calm = old.step, old.calm
         self._state, self._next, self._poses = new, old, poses
-        return loads, solved, courant
+        return loads, solved, new.courant_rate * dt
 
     # -- pieces ---------------------------------------------------------------------------------------------------
 
@@ -522,14 +580,14 @@ class FlowSolver:
         """Undisturbed flow in grid axes [m/s]."""
         return _turn(yaw).T @ self.water.velocity
 
-    def _place(self, poses: Poses, frame: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Put the solids at their poses; position, rotation, velocity, angular velocity and spin in grid axes."""
+    def _place(self, poses: Poses, frame: Array) -> Placed:
+        """Put the solids at their poses."""
         back = _turn(frame[2]).T
         position = (poses.position - np.array([frame[0], frame[1], 0.0])) @ back.T
         rotation = back @ poses.rotation
         velocity, rate = poses.velocity @ back.T, poses.angular_velocity @ back.T
         spin = rotation[:, :, 1] * poses.spin[:, None]
-        margin = 6.0 * self.grid.smallest_width
+        margin = 4.0 * self.grid.smallest_width
         for region in self._regions:
             clear(self.openness, region)
         for n, solid in enumerate(self.solids):
@@ -540,7 +598,34 @@ class FlowSolver:
                 n, solid.kind, solid.parameters, solid.samples, position[n], np.ascontiguousarray(rotation[n]),
                 velocity[n], rate[n], self._regions[n], self.metrics, self.openness,
             )  # fmt: skip
-        return position, rotation, velocity, rate, spin
+        if len(self.solids):
+            low, high = self._regions[:, ::2].min(axis=0), self._regions[:, 1::2].max(axis=0)
+            self._box = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+        self._placed = Placed(position, rotation, velocity, rate, spin)
+        return self._placed
+
+    def _blend(self, dt: float) -> Array:
+        """Bring the faces hardly open of the present state to the slip velocity; loads on the solids, their axes."""
+        old, placed = self._state, self._placed
+        loads = np.zeros((len(self.solids), 6))
+        if len(self.solids):
+            extension.blend(
+                old.velocity, old.extended, old.wet, self.openness, self._regions, placed.position, placed.velocity,
+                placed.rate, self.water.density, dt, self.metrics, loads,
+            )  # fmt: skip
+            for load, rotation in zip(loads, placed.rotation, strict=True):
+                load[:3], load[3:] = load[:3] @ rotation, load[3:] @ rotation
+        return loads
+
+    def _find_water(self, state: FlowState) -> None:
+        """Mark wet cells, find the spans, and clear what the state's arrays hold outside them."""
+        spans.mark_wet(state.fraction, state.wet, interface.EMPTY, self._wet, self._water)
+        width = state.fraction.shape[2]
+        spans.widen(self._wet, 1, self._active, width)
+        spans.widen(self._water, extension.REACH - 1, self._cells, width)
+        spans.widen(self._water, extension.REACH, self._near, width)
+        moving = (*state.velocity, *state.extended, *state.carrying)
+        spans.clear_outside(moving, state.lo, state.hi, self._near)
 
     def _check_inside(self, n: int, position: Array, rotation: Array) -> None:
         solid = self.solids[n]
@@ -569,42 +654,18 @@ class FlowSolver:
         self._fill_fraction(state.fraction)
         boundary.fill_velocity(state.u, state.v, state.w, far, s.far_x, s.far_y, s.closed_top)
 
-    def _extend(self, out: tuple[Array, Array, Array], fraction: Array, top: int, far: Array, dt: float) -> None:
-        """Extended velocity in `_extended`; where the projection set none, in `out` too."""
-        faces = (self.openness.bx, self.openness.by, self.openness.bz)
-        s = self.settings
-        for axis in range(3):
-            e = self._extended[axis]
-            e[:] = out[axis]
-            boundary.extend(
-                e, self._wet, faces[axis], fraction, axis, top, far[axis], dt, self._labels[axis], *self._lists
-            )
-        boundary.fill_velocity(*self._extended, far, s.far_x, s.far_y, s.closed_top)
-        for axis in range(3):
-            boundary.take_extended(
-                out[axis], self._extended[axis], self._wet, faces[axis], axis, top, self._labels[axis]
-            )
-        boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
-
     def _complete_velocity(self, state: FlowState) -> None:
-        """Carrying velocity of a state that was set from outside."""
-        top = self.grid.padded_shape[1]
-        interface.mark_wet(state.fraction, self._wet)
-        advection.full_velocity(state.cx, state.cy, state.cz, state.u, state.v, state.w, self.openness, top)
-        far = self._far(state.frame[2])
-        s = self.settings
-        boundary.fill_velocity(state.cx, state.cy, state.cz, far, s.far_x, s.far_y, s.closed_top)
-
-    def _courant_rate(self) -> float:
-        """Largest rate at which the water crosses cells at present [1/s]; `_flow` is that of the last step."""
-        top = self.grid.padded_shape[1]
-        if self._state.steps == 0:
-            advection.relative_velocity(
-                *self._flow, self._state.cx, self._state.cy, self._state.cz, np.zeros(3), top, self.metrics
-            )
-        top = interface.mark_wet(self._state.fraction, self._wet)
-        advection.largest_courant(*self._flow, self._state.fraction, self.metrics, top, self._rows)
-        return float(self._rows.max())
+        """Extended and carrying velocity of a state that was set from outside."""
+        s, far = self.settings, self._far(state.frame[2])
+        whole = Spans.padded(state.fraction.shape)
+        state.lo[:], state.hi[:] = whole
+        spans.mark_wet(state.fraction, state.wet, interface.EMPTY, self._wet, self._water)
+        for e, q in zip(state.extended, state.velocity, strict=True):
+            e[:] = q
+        advection.full_velocity(state.carrying, state.velocity, self.openness, whole)
+        boundary.fill_velocity(*state.carrying, far, s.far_x, s.far_y, s.closed_top)
+        advection.largest_courant(state.carrying, state.fraction, self.metrics, whole, self._rows)
+        state.courant_rate = float(self._rows.max())
 
     # -- results --------------------------------------------------------------------------------------------------
 
@@ -612,6 +673,11 @@ class FlowSolver:
     def time(self) -> float:
         """Time reached [s]."""
         return self._state.time
+
+    @property
+    def volume_added(self) -> float:
+        """Water that the far field has added to the window [m^3]."""
+        return self._state.volume_added
 
     @property
     def frame(self) -> Array:
@@ -644,7 +710,7 @@ class FlowSolver:
         h, s = HALO, self._state
         z = self.metrics.zc[None, h:-h, None]
         gauge = s.phi[h:-h, h:-h, h:-h] / s.phi_dt - GRAVITY * (z - self.water.depth)
-        return np.where(self._wet[h:-h, h:-h, h:-h] == 1, self.water.density * gauge, 0.0)
+        return np.where(s.wet[h:-h, h:-h, h:-h] == 1, self.water.density * gauge, 0.0)
 
     def surface_height(self) -> Array:
         """Height of the water in each column [m], shape (ny, nx); inside solids without meaning."""
@@ -665,8 +731,6 @@ class FlowSolver:
         """Everything needed to go on from here bit for bit: plain numbers and arrays (copies)."""
         state = {f.name: getattr(self._state, f.name) for f in fields(FlowState)}
         saved = {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in state.items()}
-        saved["flow"] = np.stack(self._flow)
-        saved["volume_added"] = self.volume_added
         if self._poses is not None:
             for f in fields(Poses):
                 saved[f"poses_{f.name}"] = getattr(self._poses, f.name).copy()
@@ -678,9 +742,6 @@ class FlowSolver:
         if shape.shape != self.grid.padded_shape:
             raise ValueError(f"restore: the state is of shape {shape.shape}, the grid {self.grid.padded_shape}.")
         self._state.copy_from(FlowState(**{f.name: saved[f.name] for f in fields(FlowState)}))
-        for q, value in zip(self._flow, saved["flow"], strict=True):
-            q[:] = value
-        self.volume_added = saved["volume_added"]
         self._poses = Poses(**{f.name: saved[f"poses_{f.name}"].copy() for f in fields(Poses)})
         self._place(self._poses, self._state.frame)
 

@@ -7,7 +7,6 @@ reads those at the begin of a step and writes those at its end, which the solver
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -19,6 +18,7 @@ from exumob.checks import require_positive, require_within
 from exumob.flow import komega
 from exumob.flow.body import Openness
 from exumob.flow.grid import HALO, Metrics
+from exumob.flow.spans import Spans
 from exumob.states import Array
 
 MOLECULAR_VISCOSITY = 1.0e-6
@@ -53,8 +53,8 @@ class Closure(Protocol):
 
     def update(
         self, viscosity: Array, old: Array, new: Array, u: Array, v: Array, w: Array,
-        flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], walls: Walls, top: int, dt: float, molecular: float,
-        metrics: Metrics,
+        flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], walls: Walls, active: Spans, near: Spans,
+        dt: float, molecular: float, metrics: Metrics,
     ) -> None:  # fmt: skip
         """Fill the kinematic viscosity, molecular part included, of every cell [m^2/s], and advance the fields.
 
@@ -70,8 +70,8 @@ class Closure(Protocol):
         wet : array
             Cells at least half full.
         walls : Walls
-        top : int
-            Highest layer with water.
+        active, near : Spans
+            Of the wet cells, one cell wider, and of all water, some cells wider.
         dt : float
             [s]
         molecular : float
@@ -103,11 +103,11 @@ class Smagorinsky:
 
     def update(
         self, viscosity: Array, old: Array, new: Array, u: Array, v: Array, w: Array,
-        flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], walls: Walls, top: int, dt: float, molecular: float,
-        metrics: Metrics,
+        flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], walls: Walls, active: Spans, near: Spans,
+        dt: float, molecular: float, metrics: Metrics,
     ) -> None:  # fmt: skip
         """Fill the viscosity; see `Closure`."""
-        smagorinsky(viscosity, u, v, w, wet, walls.openness.distance, top, self.constant, molecular, metrics)
+        smagorinsky(viscosity, u, v, w, wet, walls.openness.distance, active, self.constant, molecular, metrics)
 
 
 @dataclass(frozen=True)
@@ -157,105 +157,129 @@ class KOmegaSST:
 
     def update(
         self, viscosity: Array, old: Array, new: Array, u: Array, v: Array, w: Array,
-        flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], walls: Walls, top: int, dt: float, molecular: float,
-        metrics: Metrics,
+        flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], walls: Walls, active: Spans, near: Spans,
+        dt: float, molecular: float, metrics: Metrics,
     ) -> None:  # fmt: skip
         """Advance k and omega and fill the viscosity; see `Closure`."""
         o = walls.openness
         (old_k, old_omega, _), (new_k, new_omega, blend) = old, new
         inflow = self.inflow(molecular)
         for field, value in zip(old, inflow, strict=False):  # the blending needs no halo
-            komega.fill_sides(field, value, flow, top)
+            komega.fill_sides(field, value, flow)
         komega.sources(
             viscosity, old_k, old_omega, new_k, new_omega, blend, u, v, w, wet, o.distance, walls.bed_roughness >= 0.0,
-            top, dt, molecular, metrics,
+            near, dt, molecular, metrics,
         )  # fmt: skip
         komega.walls(
-            old_k, new_k, new_omega, blend, u, v, w, o.distance, o.nearest, *walls[1:], top, molecular, metrics
+            old_k, new_k, new_omega, blend, u, v, w, o.distance, o.nearest, *walls[1:], active, molecular, metrics
         )
         carried = (blend, viscosity, flow, (o.bx, o.by, o.bz))
         komega.transport(
             old_k, new_k, old_omega, *carried, komega.SIGMA_K, (komega.BETA_STAR, komega.BETA_STAR), False, inflow[0],
-            komega.LEAST_K, top, dt, molecular, metrics,
+            komega.LEAST_K, near, dt, molecular, metrics,
         )  # fmt: skip
         komega.transport(
             old_omega, new_omega, old_omega, *carried, komega.SIGMA_OMEGA, komega.BETA, True, inflow[1],
-            komega.LEAST_OMEGA, top, dt, molecular, metrics,
+            komega.LEAST_OMEGA, near, dt, molecular, metrics,
         )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def smagorinsky(
-    viscosity: Array, u: Array, v: Array, w: Array, wet: NDArray[np.uint8], distance: Array, top: int, constant: float,
-    molecular: float, metrics: Metrics,
+    viscosity: Array, u: Array, v: Array, w: Array, wet: NDArray[np.uint8], distance: Array, spans: Spans,
+    constant: float, molecular: float, metrics: Metrics,
 ) -> None:  # fmt: skip
     """Kinematic viscosity of every cell [m^2/s]."""
     ny, nz, nx = u.shape
+    one, sy, sz = np.uintp(1), np.uintp(nz * nx), np.uintp(nx)
+    uf, vf, wf, is_wet, d, nu = u.ravel(), v.ravel(), w.ravel(), wet.ravel(), distance.ravel(), viscosity.ravel()
+    sizes = constant * np.cbrt(metrics.dx)
+    rdx, rex = 1.0 / metrics.dx, 0.5 / (metrics.ex[:nx] + np.append(metrics.ex[1:nx], metrics.ex[nx - 1]))
+    lo, hi = spans
     for j in prange(HALO, ny - HALO):
-        dy, two_y = metrics.dy[j], metrics.ey[j] + metrics.ey[j + 1]
-        for k in range(HALO, min(top + 2, nz - HALO)):
-            dz, two_z = metrics.dz[k], metrics.ez[k] + metrics.ez[k + 1]
-            for i in range(HALO, nx - HALO):
-                if wet[j, k, i] == 0 or distance[j, k, i] <= 0.0:
-                    viscosity[j, k, i] = molecular
-                    continue
-                dx, two_x = metrics.dx[i], metrics.ex[i] + metrics.ex[i + 1]
-                xx = (u[j, k, i + 1] - u[j, k, i]) / dx
-                yy = (v[j + 1, k, i] - v[j, k, i]) / dy
-                zz = (w[j, k + 1, i] - w[j, k, i]) / dz
-                uy = (u[j + 1, k, i] + u[j + 1, k, i + 1] - u[j - 1, k, i] - u[j - 1, k, i + 1]) / (2.0 * two_y)
-                uz = (u[j, k + 1, i] + u[j, k + 1, i + 1] - u[j, k - 1, i] - u[j, k - 1, i + 1]) / (2.0 * two_z)
-                vx = (v[j, k, i + 1] + v[j + 1, k, i + 1] - v[j, k, i - 1] - v[j + 1, k, i - 1]) / (2.0 * two_x)
-                vz = (v[j, k + 1, i] + v[j + 1, k + 1, i] - v[j, k - 1, i] - v[j + 1, k - 1, i]) / (2.0 * two_z)
-                wx = (w[j, k, i + 1] + w[j, k + 1, i + 1] - w[j, k, i - 1] - w[j, k + 1, i - 1]) / (2.0 * two_x)
-                wy = (w[j + 1, k, i] + w[j + 1, k + 1, i] - w[j - 1, k, i] - w[j - 1, k + 1, i]) / (2.0 * two_y)
-                strain = math.sqrt(
-                    2.0 * (xx * xx + yy * yy + zz * zz) + (uy + vx) ** 2 + (uz + wx) ** 2 + (vz + wy) ** 2
-                )
-                length = min(constant * (dx * dy * dz) ** (1.0 / 3.0), 0.41 * distance[j, k, i])
-                viscosity[j, k, i] = molecular + length * length * strain
+        rdy, rey = 1.0 / metrics.dy[j], 0.5 / (metrics.ey[j] + metrics.ey[j + 1])
+        for k in range(HALO, nz - HALO):
+            rdz, rez = 1.0 / metrics.dz[k], 0.5 / (metrics.ez[k] + metrics.ez[k + 1])
+            size = (metrics.dy[j] * metrics.dz[k]) ** (1.0 / 3.0)
+            start = (j * nz + k) * nx
+            for i in range(max(lo[j, k], HALO), min(hi[j, k], nx - HALO)):
+                p, m = np.uintp(start + i), np.uintp(i)
+                xx = (uf[p + one] - uf[p]) * rdx[m]
+                yy = (vf[p + sy] - vf[p]) * rdy
+                zz = (wf[p + sz] - wf[p]) * rdz
+                xy = (uf[p + sy] + uf[p + sy + one] - uf[p - sy] - uf[p - sy + one]) * rey
+                xy += (vf[p + one] + vf[p + one + sy] - vf[p - one] - vf[p - one + sy]) * rex[m]
+                xz = (uf[p + sz] + uf[p + sz + one] - uf[p - sz] - uf[p - sz + one]) * rez
+                xz += (wf[p + one] + wf[p + one + sz] - wf[p - one] - wf[p - one + sz]) * rex[m]
+                yz = (vf[p + sz] + vf[p + sz + sy] - vf[p - sz] - vf[p - sz + sy]) * rez
+                yz += (wf[p + sy] + wf[p + sy + sz] - wf[p - sy] - wf[p - sy + sz]) * rey
+                strain = np.sqrt(2.0 * (xx * xx + yy * yy + zz * zz) + xy * xy + xz * xz + yz * yz)
+                length, wall = size * sizes[m], 0.41 * d[p]
+                length = length if length < wall else wall
+                length = length if is_wet[p] != 0 and wall > 0.0 else 0.0
+                nu[p] = molecular + length * length * strain
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def add_stress(
-    out: Array, viscosity: Array, u: Array, v: Array, w: Array, wet: NDArray[np.uint8], open_faces: Array, axis: int,
-    dt: float, top: int, metrics: Metrics,
+    out: Array, viscosity: Array, velocity: tuple[Array, Array, Array], wet: NDArray[np.uint8], open_faces: Array,
+    axis: int, dt: float, spans: Spans, metrics: Metrics,
 ) -> None:  # fmt: skip
     """Add dt times the divergence of nu (grad u + grad u^T) to one velocity component on wet, open faces."""
-    ny, nz, nx = u.shape
-    one, sy, sz = np.uintp(1), np.uintp(nz * nx), np.uintp(nx)
-    uf, vf, wf, nu = u.ravel(), v.ravel(), w.ravel(), viscosity.ravel()
-    result, is_wet, beta = out.ravel(), wet.ravel(), open_faces.ravel()
+    ny, nz, nx = out.shape
+    x, y, z = 1, nz * nx, nx
     m = metrics
-    if axis == 0:  # the component, and its two directions across: stride, other component, widths, distances
-        own, q, own_d, own_e = one, uf, m.dx, m.ex
-        sa, other_a, da, ea, sb, other_b, db, eb = sy, vf, m.dy, m.ey, sz, wf, m.dz, m.ez
+    if axis == 0:  # the component, and its two directions across: a is x unless x is its own
+        own, a, b = x, y, z
     elif axis == 1:
-        own, q, own_d, own_e = sy, vf, m.dy, m.ey
-        sa, other_a, da, ea, sb, other_b, db, eb = one, uf, m.dx, m.ex, sz, wf, m.dz, m.ez
+        own, a, b = y, x, z
     else:
-        own, q, own_d, own_e = sz, wf, m.dz, m.ez
-        sa, other_a, da, ea, sb, other_b, db, eb = one, uf, m.dx, m.ex, sy, vf, m.dy, m.ey
-    for j in prange(HALO, ny - HALO + 1):
-        for k in range(HALO, min(top + 1, nz - HALO) + 1):
-            for i in range(HALO, nx - HALO + 1):
-                p = np.uintp((j * nz + k) * nx + i)
-                if not ((is_wet[p] or is_wet[p - own]) and beta[p] > 0.0):
-                    continue
-                o = i if axis == 0 else (j if axis == 1 else k)
-                a = j if axis == 0 else i
-                b = j if axis == 2 else k
-                high = 2.0 * nu[p] * (q[p + own] - q[p]) / own_d[o]
-                low = 2.0 * nu[p - own] * (q[p] - q[p - own]) / own_d[o - 1]
-                rate = (high - low) / own_e[o]
-                pair, to_own = nu[p] + nu[p - own], 1.0 / own_e[o]
-                mean = 0.25 * (pair + nu[p + sa] + nu[p + sa - own])
-                high = mean * ((q[p + sa] - q[p]) / ea[a + 1] + (other_a[p + sa] - other_a[p + sa - own]) * to_own)
-                mean = 0.25 * (pair + nu[p - sa] + nu[p - sa - own])
-                low = mean * ((q[p] - q[p - sa]) / ea[a] + (other_a[p] - other_a[p - own]) * to_own)
-                rate += (high - low) / da[a]
-                mean = 0.25 * (pair + nu[p + sb] + nu[p + sb - own])
-                high = mean * ((q[p + sb] - q[p]) / eb[b + 1] + (other_b[p + sb] - other_b[p + sb - own]) * to_own)
-                mean = 0.25 * (pair + nu[p - sb] + nu[p - sb - own])
-                low = mean * ((q[p] - q[p - sb]) / eb[b] + (other_b[p] - other_b[p - own]) * to_own)
-                result[p] += dt * (rate + (high - low) / db[b])
+        own, a, b = z, x, y
+    q, qa, qb = velocity[axis].ravel(), velocity[1 if axis == 0 else 0].ravel(), velocity[1 if axis == 2 else 2].ravel()
+    nu, result, is_wet, beta = viscosity.ravel(), out.ravel(), wet.ravel(), open_faces.ravel()
+    so, sa, sb = np.uintp(own), np.uintp(a), np.uintp(b)
+    lo, hi = spans
+    ex_high = np.append(1.0 / m.ex[1:nx], 1.0 / m.ex[nx - 1])
+    dx_low = np.append(1.0 / m.dx[0], 1.0 / m.dx[: nx - 1])
+    for j in prange(HALO, ny - HALO):
+        row = np.empty((6, nx))
+        own_high, own_low, own_mid, a_high, a_low, a_mid = row[0], row[1], row[2], row[3], row[4], row[5]
+        if axis == 0:
+            own_high[:], own_low[:], own_mid[:] = 1.0 / m.dx, dx_low, 1.0 / m.ex[:nx]
+            a_high[:], a_low[:], a_mid[:] = 1.0 / m.ey[j + 1], 1.0 / m.ey[j], 1.0 / m.dy[j]
+        else:
+            a_high[:], a_low[:], a_mid[:] = ex_high, 1.0 / m.ex[:nx], 1.0 / m.dx
+        if axis == 1:
+            own_high[:], own_low[:], own_mid[:] = 1.0 / m.dy[j], 1.0 / m.dy[j - 1], 1.0 / m.ey[j]
+        for k in range(HALO, nz - HALO):
+            first, last = max(lo[j, k], HALO), min(hi[j, k], nx - HALO)
+            if first >= last:
+                continue
+            if axis == 2:
+                own_high[:], own_low[:], own_mid[:] = 1.0 / m.dz[k], 1.0 / m.dz[k - 1], 1.0 / m.ez[k]
+                b_high, b_low, b_mid = 1.0 / m.ey[j + 1], 1.0 / m.ey[j], 1.0 / m.dy[j]
+            else:
+                b_high, b_low, b_mid = 1.0 / m.ez[k + 1], 1.0 / m.ez[k], 1.0 / m.dz[k]
+            start = (j * nz + k) * nx
+            for i in range(first, last):
+                p, n = np.uintp(start + i), np.uintp(i)
+                here, to_own, pair = q[p], own_mid[n], nu[p] + nu[p - so]
+                rate = 2.0 * to_own * (
+                    nu[p] * (q[p + so] - here) * own_high[n] - nu[p - so] * (here - q[p - so]) * own_low[n]
+                )  # fmt: skip
+                high = (pair + nu[p + sa] + nu[p + sa - so]) * (
+                    (q[p + sa] - here) * a_high[n] + (qa[p + sa] - qa[p + sa - so]) * to_own
+                )  # fmt: skip
+                low = (pair + nu[p - sa] + nu[p - sa - so]) * (
+                    (here - q[p - sa]) * a_low[n] + (qa[p] - qa[p - so]) * to_own
+                )  # fmt: skip
+                rate += 0.25 * (high - low) * a_mid[n]
+                high = (pair + nu[p + sb] + nu[p + sb - so]) * (
+                    (q[p + sb] - here) * b_high + (qb[p + sb] - qb[p + sb - so]) * to_own
+                )  # fmt: skip
+                low = (pair + nu[p - sb] + nu[p - sb - so]) * (
+                    (here - q[p - sb]) * b_low + (qb[p] - qb[p - so]) * to_own
+                )  # fmt: skip
+                rate += 0.25 * (high - low) * b_mid
+                active = (is_wet[p] | is_wet[p - so]) != 0 and beta[p] > 0.0
+                result[p] += dt * rate if active else 0.0

@@ -9,6 +9,7 @@ import pytest
 from exumob.environment import Water
 from exumob.flow import FlowSettings, FlowSolver, Grid, KOmegaSST, Poses, Smagorinsky, box, sphere
 from exumob.flow.komega import BETA, BETA_STAR, step_up
+from exumob.flow.spans import Spans
 from exumob.flow.turbulence import Walls
 from exumob.flow.wall import bed_shear, friction_velocity
 
@@ -121,16 +122,18 @@ def test_one_step_of_the_closure_mirrors():
         nearest=mirrored(o.nearest),
     )  # fmt: skip
     fx, fy, fz = solver._flow
-    given = (state.u, state.v, state.w, (fx, fy, fz), solver._wet, Walls(o, at, none, none, friction, 1e-3), old)
+    given = (state.u, state.v, state.w, (fx, fy, fz), solver._state.wet, Walls(o, at, none, none, friction, 1e-3), old)
     reverse = (
         mirrored(state.u), -mirrored(state.v, True), mirrored(state.w),
-        (mirrored(fx), -mirrored(fy, True), mirrored(fz)), mirrored(solver._wet),
+        (mirrored(fx), -mirrored(fy, True), mirrored(fz)), mirrored(solver._state.wet),
         Walls(other, at * [1, -1, 1], none, none, friction, 1e-3), np.stack([mirrored(q) for q in old]),
     )  # fmt: skip
-    results = []
+    results, whole = [], Spans.padded(old.shape[1:])
     for u, v, w, flow, wet, bounds, fields in (given, reverse):
         new, viscosity = np.zeros_like(old), np.zeros_like(fx)
-        KOmegaSST().update(viscosity, fields.copy(), new, u, v, w, flow, wet, bounds, 6, 0.01, 1e-6, m)
+        KOmegaSST().update(
+            viscosity, fields.copy(), new, u, v, w, flow, wet, bounds, whole, whole, 0.01, 1e-6, m
+        )  # fmt: skip
         results.append([*new[:2], viscosity])
     inner = np.s_[HALO:-HALO, HALO:7, HALO:-HALO]
     for one, two in zip(*results, strict=True):

@@ -1,0 +1,144 @@
+"""The command `exumob captive`: help, bad input, files, runs that break or are stopped. Coarse, a few steps."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import exumob.flow
+from exumob.__main__ import app
+from exumob.results import load_dataset
+
+SHORT = ["--cell-size", "0.05", "--coarse", "--interval", "5e-3", "--duration", "0.02"]
+OPTIONS = {
+    "--speed": "1.0", "--current": "1.0", "--depth": "0.12", "--drift-angle": "0", "--yaw-rate": "0",
+    "--wheel-speed": "0", "--steering": "0", "--cell-size": "0.018", "--duration": "3", "--threads": "1",
+    "--ramp-time": "1.0", "--vehicle": None, "--output": None, "--figure": None, "--animate": None, "--vtk": None,
+}  # fmt: skip
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["captive", *map(str, arguments)], env={"COLUMNS": "250", "TERM": "dumb"})
+
+
+def plain(text):
+    """Without colours and line breaks."""
+    return " ".join(re.sub(r"\x1b\[[0-9;]*m", "", text).split())
+
+
+def test_help_explains_every_option_with_its_default():
+    answer = call("--help")
+    assert answer.exit_code == 0
+    text = " " + plain(answer.output.split("Options:")[1])
+    for option, default in OPTIONS.items():
+        after = text[text.index(f" {option} ") :].split(" --")[1]
+        assert len(after.split()) > 4, f"{option} is not explained"
+        if default:
+            assert f"default: {default}" in after
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--speed", "nan"], r"CaptiveMotion\.speed"),
+        (["--depth", "-1"], r"Water\.depth = -1"),
+        (["--threads", "0"], r"FlowSettings\.threads = 0"),
+        (["--cell-size", "0"], r"cell_size"),
+        (["--steering", "50", "--ramp-time", "0.01"], r"50\.0 deg, beyond the 35\.0 deg"),
+        (["--duration", "0.021"], r"duration = 0\.021 s must be a whole multiple"),
+        (["--vehicle", "absent.py"], r"absent\.py does not exist"),
+        (["--output", "absent/run.nc"], r"--output absent/run\.nc.*does not exist"),
+        (["--figure", "run.xyz"], r"run\.xyz.*use \.png, \.pdf or \.svg"),
+        (["--animate", "run.avi"], r"\.avi.*use \.gif or \.mp4"),
+        (["--vtk", "absent/fields"], r"absent does not exist; create it"),
+        (["--vtk", "fields", "--depth", "0"], r"Water\.depth"),
+    ],
+    ids=lambda v: " ".join(v) if isinstance(v, list) else "",
+)  # fmt: skip
+def test_bad_input_is_said_with_exit_code_2(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    answer = call(*SHORT, *arguments)
+    assert answer.exit_code == 2, answer.output
+    assert re.search(message, plain(answer.output)), answer.output
+    assert "Traceback" not in answer.output
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_coarse_cells_are_refused_by_default():
+    answer = call("--cell-size", "0.03", "--duration", "0.01")
+    assert answer.exit_code == 2
+    assert "use a cell size of 0.02 m or less" in plain(answer.output)
+
+
+def test_run_writes_its_files_and_prints_the_loads(tmp_path):
+    files = [tmp_path / name for name in ("run.nc", "run.png", "run.gif", "fields")]
+    options = ("--output", "--figure", "--animate", "--vtk")
+    answer = call(
+        *SHORT, "--drift-angle", "10", "--yaw-rate", "-20", "--wheel-speed", "5", "--speed", "0.5",
+        "--ramp-time", "0.02",
+        *(x for pair in zip(options, files, strict=True) for x in pair),
+    )  # fmt: skip
+    assert answer.exit_code == 0, answer.output
+    assert files[1].read_bytes().startswith(b"\x89PNG")
+    assert files[2].read_bytes().startswith(b"GIF8")
+    assert (files[3] / "flow.pvd").is_file()
+    for name in ("run.nc", "run.png", "run.gif", "flow.pvd", "captive run of amphibious, completed", "rear right"):
+        assert name in plain(answer.output)
+    run = load_dataset(files[0])
+    motion = json.loads(run.attrs["parameters"])["motion"]["CaptiveMotion"]
+    assert motion["drift_angle"] == pytest.approx(np.radians(10.0))
+    assert motion["yaw_rate"] == pytest.approx(np.radians(-20.0))
+    assert (motion["speed"], motion["wheel_speed"]) == (0.5, 5.0)
+    assert run["wheel_speed"].values[-1] == pytest.approx(5.0)
+    (line,) = [text for text in answer.output.splitlines() if text.strip().startswith("hull")]
+    later = run["force"].sel(body="hull", time=slice(0.01, None)).mean("time").values
+    assert [float(x) for x in re.findall(r"(-?[\d.]+) ±", line)] == pytest.approx(later, abs=0.006)
+
+
+def test_broken_run_is_saved_and_said(tmp_path, monkeypatch):
+    advance = exumob.flow.FlowSolver.advance
+
+    def fail(self, time, poses):
+        if time > 0.012:
+            raise RuntimeError("the dam broke")
+        return advance(self, time, poses)
+
+    monkeypatch.setattr(exumob.flow.FlowSolver, "advance", fail)
+    answer = call(*SHORT, "--output", tmp_path / "run.nc")
+    assert answer.exit_code == 1
+    assert "the dam broke" in plain(answer.output)
+    assert load_dataset(tmp_path / "run.nc").sizes["time"] == 2
+
+
+INTERRUPTED = """
+import os, signal, exumob.flow as flow
+from vehicle_models.amphibious import amphibious_vehicle as _base
+_original = flow.FlowSolver.advance
+def _watched(self, time, poses):
+    if time > 0.012:
+        os.kill(os.getpid(), signal.SIGINT)
+    return _original(self, time, poses)
+def car():
+    flow.FlowSolver.advance = _watched
+    return _base()
+"""
+
+
+def test_ctrl_c_saves_what_was_computed(tmp_path):
+    (tmp_path / "car.py").write_text(INTERRUPTED)
+    answer = subprocess.run(
+        [sys.executable, "-m", "exumob", "captive", *SHORT, "--vehicle", "car.py", "--output", "run.nc"], cwd=tmp_path,
+        capture_output=True, text=True, timeout=120, check=False,
+        env=os.environ | {"COLUMNS": "200", "TERM": "dumb"},
+    )  # fmt: skip
+    assert answer.returncode == 130, answer.stderr
+    assert "interrupted at" in answer.stderr
+    assert "Traceback" not in answer.stderr
+    run = load_dataset(tmp_path / "run.nc")
+    assert 1 <= run.sizes["time"] <= 3
+    assert np.isfinite(run["force"].values).all()
