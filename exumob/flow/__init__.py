@@ -13,10 +13,11 @@ from exumob.flow.captive_checks import check_resolution
 from exumob.flow.grid import Grid
 from exumob.flow.motion import CaptiveMotion, PrescribedMotion
 from exumob.flow.solver import FlowSettings, FlowSolver, Loads, StepReport
-from exumob.flow.turbulence import Smagorinsky
+from exumob.flow.tread import Tread
+from exumob.flow.turbulence import KOmegaSST, Smagorinsky
 
 __all__ = [
-    "CaptiveMotion", "FlowSettings", "FlowSolver", "Grid", "Loads", "Poses", "PrescribedMotion", "Smagorinsky", "Solid",
-    "StepReport", "box", "captive_run", "captive_summary", "check_resolution", "cylinder", "hull_prism", "mesh_solid",
-    "prism", "sphere", "vehicle_solids",
+    "CaptiveMotion", "FlowSettings", "FlowSolver", "Grid", "KOmegaSST", "Loads", "Poses", "PrescribedMotion",
+    "Smagorinsky", "Solid", "StepReport", "Tread", "box", "captive_run", "captive_summary", "check_resolution",
+    "cylinder", "hull_prism", "mesh_solid", "prism", "sphere", "vehicle_solids",
 ]  # fmt: skip

@@ -8,7 +8,7 @@ Trans. Graph. 26 (2007) 100): the openness is a smooth ramp of the signed distan
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from exumob.checks import require_positive, require_within
 from exumob.flow.grid import Metrics
+from exumob.flow.tread import Tread
 from exumob.states import Array, BodyStates
 from exumob.vehicle import Hull, Vehicle
 
@@ -45,6 +46,8 @@ class Solid:
         Skin-friction coefficient on the speed relative to the surface [-], 0 to 1.
     samples : array, shape (nx, ny, nz)
         Signed distances [m] of a `SAMPLED` solid.
+    tread : Tread or None
+        Lugs of a spinning `CYLINDER`.
     """
 
     kind: int
@@ -53,9 +56,12 @@ class Solid:
     high: Array
     friction: float = 0.0
     samples: Array = field(default_factory=lambda: np.zeros((2, 2, 2)))
+    tread: Tread | None = None
 
     def __post_init__(self) -> None:
         require_within("Solid", 0.0, 1.0, friction=self.friction)
+        if self.tread is not None and self.kind != CYLINDER:
+            raise ValueError("Solid.tread: only a cylinder can have lugs; leave it None.")
 
     def distance(self, points: Array) -> Array:
         """Signed distance [m] at points of shape (n, 3) in the solid's axes, < 0 inside."""
@@ -170,7 +176,7 @@ def _inside(triangles: Array, points: Array) -> NDArray[np.bool_]:
     return np.abs(total) > 2.0 * math.pi
 
 
-def vehicle_solids(vehicle: Vehicle, cell_size: float) -> tuple[Solid, ...]:
+def vehicle_solids(vehicle: Vehicle, cell_size: float, tread: Tread | None = None) -> tuple[Solid, ...]:
     """Solids of the five bodies, order of `exumob.states.BODIES`, each about its body's origin.
 
     Parameters
@@ -178,6 +184,8 @@ def vehicle_solids(vehicle: Vehicle, cell_size: float) -> tuple[Solid, ...]:
     vehicle : Vehicle
     cell_size : float
         Of the flow's grid [m]; a hull mesh is sampled at half of it.
+    tread : Tread or None
+        Lugs of the wheels.
     """
     if vehicle.hull.mesh is None:
         hull = hull_prism(vehicle.hull)
@@ -185,7 +193,7 @@ def vehicle_solids(vehicle: Vehicle, cell_size: float) -> tuple[Solid, ...]:
         from exumob.hydrodynamics.surface import mesh_triangles
 
         hull = mesh_solid(mesh_triangles(vehicle.hull.mesh) - vehicle.hull_origin, 0.5 * cell_size)
-    wheel = cylinder(vehicle.wheel.radius, vehicle.wheel.width, 0.1 * vehicle.wheel.width)
+    wheel = replace(cylinder(vehicle.wheel.radius, vehicle.wheel.width, 0.1 * vehicle.wheel.width), tread=tread)
     return hull, wheel, wheel, wheel, wheel
 
 

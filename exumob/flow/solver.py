@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 import numba
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from exumob.checks import require_positive, require_within
 from exumob.environment import GRAVITY, Water
 from exumob.errors import SimulationError
-from exumob.flow import advection, boundary, extension, forces, interface, pressure, spans, turbulence
+from exumob.flow import advection, boundary, extension, forces, interface, pressure, spans, tread, turbulence, wall
 from exumob.flow.body import Openness, Poses, Solid, clear, index_region, place_solid
 from exumob.flow.grid import HALO, Grid
 from exumob.flow.spans import Spans
@@ -55,6 +55,9 @@ class FlowSettings:
         Molecular, kinematic [m^2/s].
     wall_shear : bool
         Whether solids exert wall friction.
+    bed_roughness : float or None
+        Equivalent sand roughness of the bed [m], 0 smooth: the bed, at rest in the world, exerts the shear of the log
+        law. None: it slips, and an undisturbed current stays uniform, as the far field supposes.
     pore_pressure : bool
         Whether the pressure on solids goes on below the bed (saturated soil).
     courant : float
@@ -84,6 +87,7 @@ class FlowSettings:
     closure: turbulence.Closure | None = DEFAULT_CLOSURE
     viscosity: float = turbulence.MOLECULAR_VISCOSITY
     wall_shear: bool = True
+    bed_roughness: float | None = None
     pore_pressure: bool = True
     courant: float = 0.4
     tolerance: float = 1.0e-7
@@ -102,6 +106,8 @@ class FlowSettings:
         require_within("FlowSettings", 0.0, 1.0e2, absorbing_strength=self.absorbing_strength)
         require_within("FlowSettings", 0.0, 1.0e5, void_stiffness=self.void_stiffness)
         require_within("FlowSettings", 0.0, 1.0, viscosity=self.viscosity)
+        if self.bed_roughness is not None:
+            require_within("FlowSettings", 0.0, 0.1, bed_roughness=self.bed_roughness)
         require_within(
             "FlowSettings", 0.01, 0.5, "the transport of the fraction is bounded up to 0.5.", courant=self.courant
         )  # fmt: skip
@@ -160,13 +166,18 @@ class FlowState:
     """Largest rate at which water crosses cells [1/s]"""
     volume_added: float = 0.0
     """Water that the far field has added to the window [m^3]"""
+    turbulence: Array = field(default_factory=lambda: np.zeros(0))
+    """Fields of the closure, shape (number, ny, nz, nx)"""
 
     @classmethod
-    def zeros(cls, shape: tuple[int, int, int]) -> FlowState:
+    def zeros(cls, shape: tuple[int, int, int], turbulence_fields: int = 0) -> FlowState:
         """All zero, for fields of this shape."""
         u, v, w, ex, ey, ez, cx, cy, cz, fraction, phi = (np.zeros(shape) for _ in range(11))
         spans, wet = Spans.padded(shape), np.zeros(shape, dtype=np.uint8)
-        return cls(u, v, w, ex, ey, ez, cx, cy, cz, spans.lo, spans.hi, fraction, wet, phi, 1.0, 0.0, np.zeros(3))
+        return cls(
+            u, v, w, ex, ey, ez, cx, cy, cz, spans.lo, spans.hi, fraction, wet, phi, 1.0, 0.0, np.zeros(3),
+            turbulence=np.zeros((turbulence_fields, *shape)),
+        )  # fmt: skip
 
     def copy_from(self, other: FlowState) -> None:
         """Take the values of another state."""
@@ -214,6 +225,7 @@ class Loads:
 
     pressure: Array
     shear: Array
+    """Wall friction, and the drag of lugs (`exumob.flow.tread`)"""
     exchange: Array
     """Momentum that faces hardly open pass to the wall"""
 
@@ -272,7 +284,9 @@ class FlowSolver:
                 "grid in place."
             )
         shape = grid.padded_shape
-        self._state, self._next = FlowState.zeros(shape), FlowState.zeros(shape)
+        count = len(settings.closure.fields) if settings.closure is not None else 0
+        self._state, self._next = FlowState.zeros(shape, count), FlowState.zeros(shape, count)
+        self._start_closure()
         self.openness = Openness.open(shape)
         self.levels = pressure.Levels(shape)
         self._flow = np.zeros(shape), np.zeros(shape), np.zeros(shape)
@@ -290,6 +304,7 @@ class FlowSolver:
         self._still = boundary.level_fractions(self.metrics, water.depth)
         self._rates = self._absorbing_rates()
         self._friction = np.array([s.friction for s in self.solids])
+        self._treads = tread.tread_table(self.solids)
         self._regions = np.zeros((len(self.solids), 6), dtype=np.int64)
         self._box: tuple[slice, ...] = (slice(0, 0),) * 3  # round all solids
         self._poses: Poses | None = None
@@ -323,6 +338,7 @@ class FlowSolver:
         for q, value in zip((state.u, state.v, state.w), far, strict=True):
             q[:] = value
         state.phi[:] = 0.0
+        self._start_closure()
         self._poses = poses
         self._place(poses, state.frame)
         self._fill(state, far)
@@ -456,8 +472,13 @@ class FlowSolver:
                 out[axis], velocity[axis], self._flow, new.wet, faces[axis], axis, dt, self._active, m
             )  # fmt: skip
         if s.closure is not None:
+            walls = turbulence.Walls(
+                openness, placed.position, placed.velocity, placed.rate + placed.spin, self._friction * s.wall_shear,
+                -1.0 if s.bed_roughness is None else s.bed_roughness,
+            )  # fmt: skip
             s.closure.update(
-                self._viscosity, *velocity, new.wet, openness.distance, self._active, dt, s.viscosity, m
+                self._viscosity, old.turbulence, new.turbulence, *velocity, self._flow, new.wet, walls, self._active,
+                self._near, dt, s.viscosity, m,
             )  # fmt: skip
         if s.closure is not None or s.viscosity > 0.0:
             for axis in range(3):
@@ -470,6 +491,17 @@ class FlowSolver:
                 placed.rate, placed.spin, self._friction, self.water.density, dt, m, loads[1],
             )  # fmt: skip
             forces.add_and_clear(out, self._change, regions)
+        if self._treads.any():
+            tread.push(
+                self._change, *out, fraction, new.wet, openness, regions, placed.position, placed.velocity,
+                placed.rate, np.ascontiguousarray(placed.rotation[:, :, 1]), placed.spin, self._treads,
+                self.water.density, dt, m, loads[1],
+            )  # fmt: skip
+            forces.add_and_clear(out, self._change, regions)
+        if s.bed_roughness is not None:
+            wall.bed_shear(
+                out, old.u, old.v, fraction, new.wet, faces[:2], s.bed_roughness, s.viscosity, dt, m
+            )  # fmt: skip
         if s.far_x or s.far_y:
             boundary.relax_velocity(*out, far, self._rates, dt, self._near)
         boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
@@ -526,6 +558,11 @@ class FlowSolver:
         return loads, solved, new.courant_rate * dt
 
     # -- pieces ---------------------------------------------------------------------------------------------------
+
+    def _start_closure(self) -> None:
+        if self.settings.closure is not None:
+            for state in (self._state, self._next):
+                self.settings.closure.start(state.turbulence, self.settings.viscosity)
 
     def _frame(self, poses: Poses) -> Array:
         """Grid origin and yaw for given poses."""
@@ -661,6 +698,14 @@ class FlowSolver:
         s = self._state
         h = HALO
         return s.u[h:-h, h:-h, h:-h], s.v[h:-h, h:-h, h:-h], s.w[h:-h, h:-h, h:-h]
+
+    @property
+    def turbulence(self) -> dict[str, Array]:
+        """Fields of the closure by name, and the viscosity [m^2/s] of the last step, shape (ny, nz, nx), views."""
+        h, closure = HALO, self.settings.closure
+        names = closure.fields if closure is not None else ()
+        found = dict(zip(names, self._state.turbulence[:, h:-h, h:-h, h:-h], strict=True))
+        return {**found, "viscosity": self._viscosity[h:-h, h:-h, h:-h]}
 
     @property
     def pressure(self) -> Array:
