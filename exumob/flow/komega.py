@@ -203,7 +203,7 @@ def walls(
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _face(q: Array, p: int, s: int, carry: float, courant: float) -> float:
-    """Upwind value between cells p - s and p at half the time step (as in `exumob.flow.advection`, without branches)."""
+    """Upwind value between cells p - s and p at half the time step (as in `exumob.flow.advection`)."""
     up = carry > 0.0
     low, high = q[p - s], q[p]
     middle = high - low
