@@ -90,32 +90,6 @@ def stack_distance(c: Array, p: int, stride: int, up: int, widths: Array, m: int
     return distance
 
 
-@njit(cache=True, error_model="numpy")
-def surface_position(
-    c: Array, p: int, q: int, j: int, k: int, i: int, mj: int, mk: int, mi: int, shape: tuple[int, int, int],
-    metrics: Metrics, closest: float,
-) -> float:  # fmt: skip
-    """Where the surface lies between wet cell p = (j, k, i) and its dry neighbour q = (mj, mk, mi): 0 at p, 1 at q."""
-    sy, sz = shape[1] * shape[2], shape[2]
-    gx, gy, gz = gradient(c, p, sy, sz)
-    if abs(gz) >= abs(gx) and abs(gz) >= abs(gy):
-        up = -1 if gz > 0.0 else 1
-        here = stack_distance(c, p, sz, up, metrics.dz, k, HALO)
-        there = stack_distance(c, q, sz, up, metrics.dz, mk, HALO)
-    elif abs(gx) >= abs(gy):
-        up = -1 if gx > 0.0 else 1
-        here = stack_distance(c, p, 1, up, metrics.dx, i, 0)
-        there = stack_distance(c, q, 1, up, metrics.dx, mi, 0)
-    else:
-        up = -1 if gy > 0.0 else 1
-        here = stack_distance(c, p, sy, up, metrics.dy, j, 0)
-        there = stack_distance(c, q, sy, up, metrics.dy, mj, 0)
-    if here <= 0.0 or there >= 0.0:  # folded or very thin: interpolate the fraction
-        here, there = c[p] - 0.5, c[q] - 0.5
-    theta = here / max(here - there, 1e-12)
-    return min(max(theta, closest), 1.0)
-
-
 @njit(cache=True, error_model="numpy", inline="always")
 def thinc_flux(c: float, rising: float, courant: float) -> float:
     """Water leaving a cell through one face, as a fraction of the cell.

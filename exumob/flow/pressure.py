@@ -100,7 +100,7 @@ def _add_surface(
     for n in range(cell_count):
         i = cells[n]
         p = (j * nz + k) * nx + i
-        gx, gy, gz = gradient(c, p, 1, sy, sz)
+        gx, gy, gz = gradient(c, p, sy, sz)
         steepest = 2 if abs(gz) >= abs(gx) and abs(gz) >= abs(gy) else (0 if abs(gx) >= abs(gy) else 1)
         up = -1 if (gz if steepest == 2 else (gx if steepest == 0 else gy)) > 0.0 else 1
         place = k if steepest == 2 else (i if steepest == 0 else j)
