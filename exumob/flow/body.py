@@ -26,6 +26,9 @@ HULL_FRICTION = 0.005
 """Skin-friction coefficient of a hull [-]: turbulent flat plate at Re 3e5 to 2e6 (ITTC 1957: 0.0058 to 0.0041)."""
 WHEEL_FRICTION = 0.03
 """Skin-friction coefficient of a treaded tyre [-]: rough plate; a guess, its uncertainty is a factor of two."""
+SHARP = 0.5
+"""Change of the distance's slopes over a cell (sum over the axes) from which its edge counts as sharp, fully at twice
+that [-]; on a sphere it is 2 cells over the radius."""
 FAR = 1.0e3
 """Signed distance stored where no solid is near [m]."""
 
@@ -235,7 +238,11 @@ class Openness(NamedTuple):
     bx: Array
     by: Array
     bz: Array
-    """Openness of the low x, y, z faces [-]"""
+    """Openness of the low x, y, z faces to the flow [-]"""
+    ax: Array
+    ay: Array
+    az: Array
+    """The same before edges are sharpened: unbiased, what the weight of still water acts on [-]"""
     sx: Array
     sy: Array
     sz: Array
@@ -248,16 +255,16 @@ class Openness(NamedTuple):
     @classmethod
     def open(cls, shape: tuple[int, int, int]) -> Openness:
         """No solids."""
-        return cls(
-            np.ones(shape), np.ones(shape), np.ones(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape),
-            np.full(shape, FAR), np.full(shape, -1, dtype=np.int8),
-        )  # fmt: skip
+        bx, by, bz, ax, ay, az = (np.ones(shape) for _ in range(6))
+        sx, sy, sz = (np.zeros(shape) for _ in range(3))
+        nearest = np.full(shape, -1, dtype=np.int8)
+        return cls(bx, by, bz, ax, ay, az, sx, sy, sz, np.full(shape, FAR), nearest)
 
 
 def clear(openness: Openness, region: NDArray[np.int64]) -> None:
     """Remove all solids from an index box (j0, j1, k0, k1, i0, i1)."""
     j0, j1, k0, k1, i0, i1 = region
-    for name, value in zip(Openness._fields, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0, FAR, -1), strict=True):
+    for name, value in zip(Openness._fields, (*6 * (1.0,), 0.0, 0.0, 0.0, FAR, -1), strict=True):
         getattr(openness, name)[j0:j1, k0:k1, i0:i1] = value
 
 
@@ -406,21 +413,33 @@ def ramp(s: float) -> float:
 @njit(cache=True, error_model="numpy", parallel=True)
 def place_solid(
     number: int, kind: int, parameters: Array, samples: Array, position: Array, rotation: Array, velocity: Array,
-    angular_velocity: Array, region: NDArray[np.int64], metrics: Metrics, openness: Openness,
+    angular_velocity: Array, region: NDArray[np.int64], metrics: Metrics, openness: Openness, sharpness: float,
 ) -> None:  # fmt: skip
     """Close what a solid closes; pose and velocity in grid axes [m, m/s, rad/s].
 
     The openness of a face is the mean over the eight octants of cells that touch it (their centres lie a quarter of a
     cell off the face's): the ramp is then about 1.5 half cells wide either way, and edges of the solid keep their
-    volume.
+    volume. Cells whose centre is inside, at a sharp edge, are then closed by the share `sharpness`: half open on two
+    sides, they would let the flow cut the corner, and it would separate too late.
     """
     j0, j1, k0, k1, i0, i1 = region
-    halves = np.ones((j1 - j0, k1 - k0, i1 - i0, 6), dtype=np.float32)
+    halves = np.ones((j1 - j0, k1 - k0, i1 - i0, 7), dtype=np.float32)
     for j in prange(j0, j1):
         _measure_row(j, number, kind, parameters, samples, position, rotation, region, metrics, openness)
     for j in prange(j0, j1):
         _octants_row(
-            j, number, kind, parameters, samples, position, rotation, region, metrics, openness, halves[j - j0]
+            j,
+            number,
+            kind,
+            parameters,
+            samples,
+            position,
+            rotation,
+            region,
+            metrics,
+            openness,
+            halves[j - j0],
+            sharpness,
         )
     for j in prange(j0, j1):
         _close_row(j, position, velocity, angular_velocity, region, metrics, openness, halves)
@@ -449,9 +468,9 @@ def _measure_row(
 @njit(cache=True, error_model="numpy")
 def _octants_row(
     j: int, number: int, kind: int, parameters: Array, samples: Array, position: Array, rotation: Array,
-    region: NDArray[np.int64], metrics: Metrics, openness: Openness, halves: NDArray[np.float32],
+    region: NDArray[np.int64], metrics: Metrics, openness: Openness, halves: NDArray[np.float32], sharpness: float,
 ) -> None:  # fmt: skip
-    """Row j of `place_solid`: mean ramps of the cells' low and high halves along x, y, z.
+    """Row j of `place_solid`: mean ramps of the cells' low and high halves along x, y, z, and what edges leave open.
 
     Where the distance is linear from each neighbour to the opposite one, the wall is flat throughout the cell and the
     octants follow from the slopes.
@@ -469,14 +488,15 @@ def _octants_row(
                 continue
             half = halves[k - region[2], i - region[4]]
             if nearest[j, k, i] == number and here < -reach:
-                half[:] = 0.0
+                half[:6] = 0.0
                 continue
-            flat, gx, gy, gz = False, 0.0, 0.0, 0.0
+            kink, gx, gy, gz = FAR, 0.0, 0.0, 0.0
             if nearest[j, k, i] == number and 0 < i < nx - 1 and 0 < j < ny - 1 and 0 < k < nz - 1:
                 gx, gx_low = (d[j, k, i + 1] - here) / metrics.ex[i + 1], (here - d[j, k, i - 1]) / metrics.ex[i]
                 gy, gy_low = (d[j + 1, k, i] - here) / metrics.ey[j + 1], (here - d[j - 1, k, i]) / metrics.ey[j]
                 gz, gz_low = (d[j, k + 1, i] - here) / metrics.ez[k + 1], (here - d[j, k - 1, i]) / metrics.ez[k]
-                flat = abs(gx - gx_low) + abs(gy - gy_low) + abs(gz - gz_low) < 1e-6
+                kink = abs(gx - gx_low) + abs(gy - gy_low) + abs(gz - gz_low)
+            flat = kink < 1e-6
             x, y, z = metrics.xc[i] - position[0], metrics.yc[j] - position[1], metrics.zc[k] - position[2]
             if flat:
                 scale = 1.0 / (abs(gx) * dx + abs(gy) * dy + abs(gz) * dz)
@@ -486,7 +506,9 @@ def _octants_row(
                 _, widths = _distance_in_widths(kind, parameters, samples, rotation, x, y, z, dx, dy, dz)
             if widths > 0.9:  # a quarter of a cell to the octant, half for the ramp, and something for curvature
                 continue
-            half[:] = 0.0
+            half[:6] = 0.0
+            sharp = sharpness * min(max((kink - SHARP) / SHARP, 0.0), 1.0) if kink < FAR else 0.0
+            half[6] = 1.0 - sharp * min(max(-4.0 * widths - 1.0, 0.0), 1.0)
             if widths < -0.9:
                 continue
             for n in range(8):
@@ -512,21 +534,31 @@ def _close_row(
     """Row j of `place_solid`: openness of the low faces and the solid's velocity on them."""
     b, k0, i0 = j - region[0], region[2], region[4]
     o = angular_velocity
+    beyond = np.ones(7, dtype=np.float32)  # all is open outside the region
     for k in range(k0, region[3]):
         for i in range(i0, region[5]):
-            here = halves[b, k - k0, i - i0]  # beyond the region all is open
-            value = 0.5 * (np.float64(halves[b, k - k0, i - i0 - 1, 1] if i > i0 else 1.0) + here[0])
-            if value < openness.bx[j, k, i]:
+            here = halves[b, k - k0, i - i0]
+            before = halves[b, k - k0, i - i0 - 1] if i > i0 else beyond
+            share = 0.5 * (np.float64(before[1]) + here[0])
+            openness.ax[j, k, i] = min(share, openness.ax[j, k, i])
+            share *= min(before[6], here[6])
+            if share < openness.bx[j, k, i]:
                 y, z = metrics.yc[j] - position[1], metrics.zc[k] - position[2]
-                openness.bx[j, k, i] = value
+                openness.bx[j, k, i] = share
                 openness.sx[j, k, i] = velocity[0] + o[1] * z - o[2] * y
-            value = 0.5 * (np.float64(halves[b - 1, k - k0, i - i0, 3] if b > 0 else 1.0) + here[2])
-            if value < openness.by[j, k, i]:
+            before = halves[b - 1, k - k0, i - i0] if b > 0 else beyond
+            share = 0.5 * (np.float64(before[3]) + here[2])
+            openness.ay[j, k, i] = min(share, openness.ay[j, k, i])
+            share *= min(before[6], here[6])
+            if share < openness.by[j, k, i]:
                 x, z = metrics.xc[i] - position[0], metrics.zc[k] - position[2]
-                openness.by[j, k, i] = value
+                openness.by[j, k, i] = share
                 openness.sy[j, k, i] = velocity[1] + o[2] * x - o[0] * z
-            value = 0.5 * (np.float64(halves[b, k - k0 - 1, i - i0, 5] if k > k0 else 1.0) + here[4])
-            if value < openness.bz[j, k, i]:
+            before = halves[b, k - k0 - 1, i - i0] if k > k0 else beyond
+            share = 0.5 * (np.float64(before[5]) + here[4])
+            openness.az[j, k, i] = min(share, openness.az[j, k, i])
+            share *= min(before[6], here[6])
+            if share < openness.bz[j, k, i]:
                 x, y = metrics.xc[i] - position[0], metrics.yc[j] - position[1]
-                openness.bz[j, k, i] = value
+                openness.bz[j, k, i] = share
                 openness.sz[j, k, i] = velocity[2] + o[0] * y - o[1] * x

@@ -32,6 +32,9 @@ def pressure_loads(
 ) -> None:  # fmt: skip
     """Sum over cells of pressure times what the low face is more open than the high face, per solid.
 
+    The piezometric part acts on the faces as the flow sees them, the weight of still water on those whose edges are not
+    sharpened: it is then free of the half cell by which sharpening moves walls at edges.
+
     Cells of the halo below the bed hold saturated soil with hydrostatic pressure, so that a wheel sunk into it
     floats as Archimedes says.
 
@@ -55,25 +58,30 @@ def pressure_loads(
                 for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
                     if solids.nearest[j, k, i] != n:
                         continue
-                    ax = (solids.bx[j, k, i + 1] - solids.bx[j, k, i]) * metrics.dy[j] * metrics.dz[k]
-                    ay = (solids.by[j + 1, k, i] - solids.by[j, k, i]) * metrics.dx[i] * metrics.dz[k]
-                    az = (solids.bz[j, k + 1, i] - solids.bz[j, k, i]) * metrics.dx[i] * metrics.dy[j]
-                    if ax == 0.0 and ay == 0.0 and az == 0.0:
+                    x_area, y_area = metrics.dy[j] * metrics.dz[k], metrics.dx[i] * metrics.dz[k]
+                    z_area = metrics.dx[i] * metrics.dy[j]
+                    ax = (solids.ax[j, k, i + 1] - solids.ax[j, k, i]) * x_area
+                    ay = (solids.ay[j + 1, k, i] - solids.ay[j, k, i]) * y_area
+                    az = (solids.az[j, k + 1, i] - solids.az[j, k, i]) * z_area
+                    bx = (solids.bx[j, k, i + 1] - solids.bx[j, k, i]) * x_area
+                    by = (solids.by[j + 1, k, i] - solids.by[j, k, i]) * y_area
+                    bz = (solids.bz[j, k + 1, i] - solids.bz[j, k, i]) * z_area
+                    if ax == 0.0 and ay == 0.0 and az == 0.0 and bx == 0.0 and by == 0.0 and bz == 0.0:
                         continue
                     z = metrics.zc[k]
-                    if k < HALO:
-                        pressure = density * GRAVITY * (level - z)
-                    elif wet[j, k, i]:
-                        pressure = density * (phi[j, k, i] / dt - GRAVITY * (z - level))
-                        if wet[j, k + 1, i] == 0 and fraction[j, k, i] < 1.0:
-                            pressure += surface_excess(fraction[j, k, i]) * density * GRAVITY * metrics.dz[k]
-                    elif fraction[j, k, i] > 0.0 and wet[j, k - 1, i]:
-                        pressure = surface_excess(fraction[j, k, i]) * density * GRAVITY * metrics.dz[k]
-                    else:
-                        continue
+                    weight, flow = density * GRAVITY * (level - z), 0.0  # of still water, and what moves it
+                    if k >= HALO:
+                        if wet[j, k, i]:
+                            flow = density * phi[j, k, i] / dt
+                            if wet[j, k + 1, i] == 0 and fraction[j, k, i] < 1.0:
+                                weight += surface_excess(fraction[j, k, i]) * density * GRAVITY * metrics.dz[k]
+                        elif fraction[j, k, i] > 0.0 and wet[j, k - 1, i]:
+                            weight = surface_excess(fraction[j, k, i]) * density * GRAVITY * metrics.dz[k]
+                        else:
+                            continue
                     _add(
                         loads[n], metrics.xc[i] - position[n, 0], metrics.yc[j] - position[n, 1], z - position[n, 2],
-                        -pressure * ax, -pressure * ay, -pressure * az,
+                        -weight * ax - flow * bx, -weight * ay - flow * by, -weight * az - flow * bz,
                     )  # fmt: skip
 
 

@@ -58,6 +58,9 @@ class FlowSettings:
     bed_roughness : float or None
         Equivalent sand roughness of the bed [m], 0 smooth: the bed, at rest in the world, exerts the shear of the log
         law. None: it slips, and an undisturbed current stays uniform, as the far field supposes.
+    sharp_edges : bool
+        Whether cells at sharp edges of solids are closed when their centre is inside, so that the flow separates
+        there. It costs momentum of bodies that move through the grid (not of those that it follows).
     pore_pressure : bool
         Whether the pressure on solids goes on below the bed (saturated soil).
     courant : float
@@ -88,6 +91,7 @@ class FlowSettings:
     viscosity: float = turbulence.MOLECULAR_VISCOSITY
     wall_shear: bool = True
     bed_roughness: float | None = None
+    sharp_edges: bool = True
     pore_pressure: bool = True
     courant: float = 0.4
     tolerance: float = 1.0e-7
@@ -600,6 +604,7 @@ class FlowSolver:
             place_solid(
                 n, solid.kind, solid.parameters, solid.samples, position[n], np.ascontiguousarray(rotation[n]),
                 velocity[n], rate[n], self._regions[n], self.metrics, self.openness,
+                1.0 if self.settings.sharp_edges else 0.0,
             )  # fmt: skip
         if len(self.solids):
             low, high = self._regions[:, ::2].min(axis=0), self._regions[:, 1::2].max(axis=0)
