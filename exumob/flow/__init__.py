@@ -12,7 +12,9 @@ from exumob.flow.captive import captive_run, captive_summary
 from exumob.flow.captive_checks import check_resolution
 from exumob.flow.grid import Grid
 from exumob.flow.motion import CaptiveMotion, PrescribedMotion
-from exumob.flow.solver import FlowSettings, FlowSolver, Loads, StepReport
+from exumob.flow.settings import FlowSettings
+from exumob.flow.solver import FlowSolver
+from exumob.flow.state import Loads, StepReport
 from exumob.flow.tread import Tread
 from exumob.flow.turbulence import KOmegaSST, Smagorinsky
 

@@ -17,7 +17,8 @@ from exumob.flow.body import Poses
 from exumob.flow.captive_checks import check_motion, checked_solids, front_wheel_angles, whole_multiple
 from exumob.flow.grid import HALO, Grid
 from exumob.flow.motion import CaptiveMotion, PrescribedMotion
-from exumob.flow.solver import FlowSettings, FlowSolver
+from exumob.flow.settings import FlowSettings
+from exumob.flow.solver import FlowSolver
 from exumob.provenance import parameters_json, provenance
 from exumob.smoothing import smoothed, window_samples
 from exumob.states import BODIES, WHEELS, Array

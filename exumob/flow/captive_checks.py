@@ -18,6 +18,8 @@ from exumob.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
 
+ROUNDING = 0.02
+"""By which a grid's cells may be larger than asked for, since whole cells must fit [-]."""
 LEAST_CELLS_IN_GAP = 2.0
 LEAST_CELLS_ACROSS_WHEEL = 4.0
 
@@ -78,7 +80,7 @@ def checked_solids(
         ("the gap between keel and bed", keel, LEAST_CELLS_IN_GAP),
         ("a wheel's width", vehicle.wheel.width, LEAST_CELLS_ACROSS_WHEEL),
     ]
-    lacking = [need for need in needs if need[1] / cell < need[2] * (1.0 - 1e-9) and need[1] > 0.0]
+    lacking = [need for need in needs if need[1] / cell < need[2] * (1.0 - ROUNDING) and need[1] > 0.0]
     if not lacking:
         return solids
     finest = math.floor(1e4 * min(size / least for _, size, least in lacking)) / 1e4

@@ -5,254 +5,29 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any, NamedTuple
+from dataclasses import fields
+from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from exumob.checks import require_positive, require_within
 from exumob.environment import GRAVITY, Water
 from exumob.errors import SimulationError
 from exumob.flow import advection, boundary, extension, forces, interface, pressure, spans, tread, turbulence, wall
 from exumob.flow.body import Openness, Poses, Solid, clear, index_region, place_solid
 from exumob.flow.grid import HALO, Grid
+from exumob.flow.settings import FlowSettings
 from exumob.flow.spans import Spans
+from exumob.flow.state import FlowState, Loads, Placed, StepReport, interpolate
 from exumob.states import Array
 
 log = logging.getLogger(__name__)
 
 SWEEPS = ((0, 1, 2), (2, 1, 0), (1, 2, 0), (0, 2, 1), (2, 0, 1), (1, 0, 2))
 """Orders of the three sweeps that carry the fraction, in turn."""
-DEFAULT_CLOSURE = turbulence.Smagorinsky()
 CALM_STEPS = 100
 """Steps after which a divided interval is tried undivided again."""
-
-
-@dataclass(frozen=True)
-class FlowSettings:
-    """How the flow is computed; the defaults are those of the vehicle runs.
-
-    Parameters
-    ----------
-    follow : int or None
-        Solid whose place and heading the grid follows (0 the hull); None: the grid stays in the world's axes.
-    far_x, far_y : bool
-        Whether the sides across x and across y are far field (the undisturbed current, with a zone before it that
-        absorbs waves); walls otherwise.
-    absorbing_width : float
-        Of that zone [m].
-    absorbing_strength : float
-        Relaxation rate at the very side, times the zone's width over sqrt(g depth) [-]; it falls with the square of
-        the distance. A long wave comes back from a side with exp(-2/3 strength) of its height; more strength than
-        needed for that reflects waves on the way in.
-    closed_top : bool
-        True: the top is a wall, for basins full of water.
-    closure : object or None
-        Turbulence model (`exumob.flow.turbulence.Closure`); None: laminar.
-    viscosity : float
-        Molecular, kinematic [m^2/s].
-    wall_shear : bool
-        Whether solids exert wall friction.
-    bed_roughness : float or None
-        Equivalent sand roughness of the bed [m], 0 smooth: the bed, at rest in the world, exerts the shear of the log
-        law. None: it slips, and an undisturbed current stays uniform, as the far field supposes.
-    sharp_edges : bool
-        Whether cells at sharp edges of solids are closed when their centre is inside, so that the flow separates
-        there. It costs momentum of bodies that move through the grid (not of those that it follows).
-    pore_pressure : bool
-        Whether the pressure on solids goes on below the bed (saturated soil).
-    courant : float
-        Largest sum over the axes of speed times step over width [-]; longer steps are divided.
-    tolerance : float
-        Divergence times step left by the pressure solution [-].
-    iterations : int
-        Largest number of pressure iterations.
-    closest_surface : float
-        Least distance of the surface from a cell's centre over the distance between centres [-].
-    void_stiffness : float
-        Closing of voids, div u = -void_stiffness (1 - fraction)^2 p / density [s/m^2].
-    refill_depth : float
-        How deep solids are refilled with the fraction beside them [cells].
-    fastest : float
-        Speed relative to the grid above which a step counts as failed [m/s].
-    threads : int
-        Threads of the kernels.
-    """
-
-    follow: int | None = 0
-    far_x: bool = True
-    far_y: bool = True
-    absorbing_width: float = 0.6
-    absorbing_strength: float = 8.0
-    closed_top: bool = False
-    closure: turbulence.Closure | None = DEFAULT_CLOSURE
-    viscosity: float = turbulence.MOLECULAR_VISCOSITY
-    wall_shear: bool = True
-    bed_roughness: float | None = None
-    sharp_edges: bool = True
-    pore_pressure: bool = True
-    courant: float = 0.4
-    tolerance: float = 1.0e-7
-    iterations: int = 60
-    closest_surface: float = 0.01
-    void_stiffness: float = 1000.0
-    refill_depth: float = 3.0
-    fastest: float = 30.0
-    threads: int = 1
-
-    def __post_init__(self) -> None:
-        require_positive(
-            "FlowSettings", absorbing_width=self.absorbing_width, tolerance=self.tolerance, fastest=self.fastest,
-            iterations=self.iterations,
-        )  # fmt: skip
-        require_within("FlowSettings", 0.0, 1.0e2, absorbing_strength=self.absorbing_strength)
-        require_within("FlowSettings", 0.0, 1.0e5, void_stiffness=self.void_stiffness)
-        require_within("FlowSettings", 0.0, 1.0, viscosity=self.viscosity)
-        if self.bed_roughness is not None:
-            require_within("FlowSettings", 0.0, 0.1, bed_roughness=self.bed_roughness)
-        require_within(
-            "FlowSettings", 0.01, 0.5, "the transport of the fraction is bounded up to 0.5.", courant=self.courant
-        )  # fmt: skip
-        require_within("FlowSettings", 1e-4, 0.2, closest_surface=self.closest_surface)
-        require_within("FlowSettings", 1.0, 6.0, refill_depth=self.refill_depth)
-        most = int(numba.config.NUMBA_NUM_THREADS)
-        require_within(
-            "FlowSettings", 1, most, "set the environment variable NUMBA_NUM_THREADS before the start for more.",
-            threads=self.threads,
-        )  # fmt: skip
-        if self.follow is not None and not (self.far_x and self.far_y):
-            raise ValueError(
-                "FlowSettings.follow: a grid that moves has no walls; set follow=None for a tank, or "
-                "far_x = far_y = True."
-            )
-
-
-@dataclass
-class FlowState:
-    """All that changes in time and cannot be computed from the rest; arrays carry the halo."""
-
-    u: Array
-    v: Array
-    w: Array
-    """Absolute velocity on the low faces, grid axes [m/s]; this and what follows: 0 outside `lo`, `hi`"""
-    ex: Array
-    ey: Array
-    ez: Array
-    """... extended from faces at least half open into those less open [m/s]"""
-    cx: Array
-    cy: Array
-    cz: Array
-    """Velocity on full faces that carries fraction and momentum [m/s]"""
-    lo: NDArray[np.int32]
-    hi: NDArray[np.int32]
-    """Spans of the rows where velocity is kept up"""
-    fraction: Array
-    """Water per full cell [-]"""
-    wet: NDArray[np.uint8]
-    """Cells that were at least half full when the pressure was solved"""
-    phi: Array
-    """dt times piezometric pressure over density [m^2/s]"""
-    phi_dt: float
-    """The dt in phi [s]"""
-    time: float
-    """[s]"""
-    frame: Array
-    """Grid origin x, y [m] and yaw [rad] in the world, shape (3,)"""
-    steps: int = 0
-    """Steps done"""
-    step: float = 0.0
-    """Length of the last step [s]"""
-    calm: int = 0
-    """Steps since one as short was needed"""
-    courant_rate: float = 0.0
-    """Largest rate at which water crosses cells [1/s]"""
-    volume_added: float = 0.0
-    """Water that the far field has added to the window [m^3]"""
-    turbulence: Array = field(default_factory=lambda: np.zeros(0))
-    """Fields of the closure, shape (number, ny, nz, nx)"""
-
-    @classmethod
-    def zeros(cls, shape: tuple[int, int, int], turbulence_fields: int = 0) -> FlowState:
-        """All zero, for fields of this shape."""
-        u, v, w, ex, ey, ez, cx, cy, cz, fraction, phi = (np.zeros(shape) for _ in range(11))
-        spans, wet = Spans.padded(shape), np.zeros(shape, dtype=np.uint8)
-        return cls(
-            u, v, w, ex, ey, ez, cx, cy, cz, spans.lo, spans.hi, fraction, wet, phi, 1.0, 0.0, np.zeros(3),
-            turbulence=np.zeros((turbulence_fields, *shape)),
-        )  # fmt: skip
-
-    def copy_from(self, other: FlowState) -> None:
-        """Take the values of another state."""
-        for f in fields(self):
-            value = getattr(other, f.name)
-            if isinstance(value, np.ndarray):
-                getattr(self, f.name)[...] = value
-            else:
-                setattr(self, f.name, value)
-
-    @property
-    def velocity(self) -> tuple[Array, Array, Array]:
-        """Its three components [m/s]."""
-        return self.u, self.v, self.w
-
-    @property
-    def extended(self) -> tuple[Array, Array, Array]:
-        """Extended velocity [m/s]."""
-        return self.ex, self.ey, self.ez
-
-    @property
-    def carrying(self) -> tuple[Array, Array, Array]:
-        """Velocity on full faces [m/s]."""
-        return self.cx, self.cy, self.cz
-
-
-class Placed(NamedTuple):
-    """Solids in grid axes, one row each."""
-
-    position: Array
-    """Origins [m], shape (n, 3)"""
-    rotation: Array
-    """Body -> grid, shape (n, 3, 3)"""
-    velocity: Array
-    """[m/s]"""
-    rate: Array
-    """Angular velocity [rad/s]"""
-    spin: Array
-    """Angular velocity of the surface relative to the body [rad/s]"""
-
-
-@dataclass(frozen=True)
-class Loads:
-    """Loads on n solids in their own axes about their origins: force [N] and moment [N m], each of shape (n, 6)."""
-
-    pressure: Array
-    shear: Array
-    """Wall friction, and the drag of lugs (`exumob.flow.tread`)"""
-    exchange: Array
-    """Momentum that faces hardly open pass to the wall"""
-
-    @property
-    def total(self) -> Array:
-        """Sum of the three, shape (n, 6)."""
-        return self.pressure + self.shear + self.exchange
-
-
-@dataclass(frozen=True)
-class StepReport:
-    """What one call of `FlowSolver.advance` took."""
-
-    steps: int
-    """Sub-steps"""
-    iterations: int
-    """Pressure iterations, all sub-steps together"""
-    residual: float
-    """Largest divergence times step left [-]"""
-    courant: float
-    """Largest Courant number [-]"""
-    halvings: int
-    """Steps that failed and were halved"""
 
 
 class FlowSolver:
@@ -758,20 +533,3 @@ def _turn(yaw: float) -> Array:
     """Rotation about z by `yaw` [rad]."""
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def interpolate(begin: Poses, end: Poses, interval: float, part: float) -> Poses:
-    """Poses at a part (0 to 1) of an interval [s]: cubic in the positions, rotations along the shortest arc."""
-    from scipy.spatial.transform import Rotation
-
-    p = part
-    h00, h10, h01, h11 = 2 * p**3 - 3 * p**2 + 1, p**3 - 2 * p**2 + p, 3 * p**2 - 2 * p**3, p**3 - p**2
-    position = (
-        h00 * begin.position + h10 * interval * begin.velocity + h01 * end.position + h11 * interval * end.velocity
-    )
-    rotation = begin.rotation.copy()
-    for n in range(len(rotation)):
-        arc = Rotation.from_matrix(end.rotation[n] @ begin.rotation[n].T).as_rotvec()
-        rotation[n] = Rotation.from_rotvec(p * arc).as_matrix() @ begin.rotation[n]
-    mean = [(1 - p) * getattr(begin, k) + p * getattr(end, k) for k in ("velocity", "angular_velocity", "spin")]
-    return Poses(position, rotation, *mean)

@@ -14,7 +14,7 @@ from exumob.environment import Water
 from exumob.flow.captive import captive_run
 from exumob.flow.grid import Grid
 from exumob.flow.motion import CaptiveMotion
-from exumob.flow.solver import FlowSettings
+from exumob.flow.settings import FlowSettings
 from exumob.provenance import parameters_json
 from exumob.results import load_dataset, save_dataset
 from exumob.vehicle import Vehicle

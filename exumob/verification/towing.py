@@ -35,7 +35,7 @@ from exumob.environment import GRAVITY, Water
 from exumob.flow.captive import captive_grid
 from exumob.flow.grid import Grid
 from exumob.flow.motion import CaptiveMotion
-from exumob.flow.solver import FlowSettings
+from exumob.flow.settings import FlowSettings
 from exumob.smoothing import smoothed
 from exumob.states import BODIES, Array
 from exumob.vehicle import Vehicle

@@ -1,0 +1,156 @@
+"""What the flow solver carries from step to step, and what it reports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from exumob.flow.body import Poses
+from exumob.flow.spans import Spans
+from exumob.states import Array
+
+
+@dataclass
+class FlowState:
+    """All that changes in time and cannot be computed from the rest; arrays carry the halo."""
+
+    u: Array
+    v: Array
+    w: Array
+    """Absolute velocity on the low faces, grid axes [m/s]; this and what follows: 0 outside `lo`, `hi`"""
+    ex: Array
+    ey: Array
+    ez: Array
+    """... extended from faces at least half open into those less open [m/s]"""
+    cx: Array
+    cy: Array
+    cz: Array
+    """Velocity on full faces that carries fraction and momentum [m/s]"""
+    lo: NDArray[np.int32]
+    hi: NDArray[np.int32]
+    """Spans of the rows where velocity is kept up"""
+    fraction: Array
+    """Water per full cell [-]"""
+    wet: NDArray[np.uint8]
+    """Cells that were at least half full when the pressure was solved"""
+    phi: Array
+    """dt times piezometric pressure over density [m^2/s]"""
+    phi_dt: float
+    """The dt in phi [s]"""
+    time: float
+    """[s]"""
+    frame: Array
+    """Grid origin x, y [m] and yaw [rad] in the world, shape (3,)"""
+    steps: int = 0
+    """Steps done"""
+    step: float = 0.0
+    """Length of the last step [s]"""
+    calm: int = 0
+    """Steps since one as short was needed"""
+    courant_rate: float = 0.0
+    """Largest rate at which water crosses cells [1/s]"""
+    volume_added: float = 0.0
+    """Water that the far field has added to the window [m^3]"""
+    turbulence: Array = field(default_factory=lambda: np.zeros(0))
+    """Fields of the closure, shape (number, ny, nz, nx)"""
+
+    @classmethod
+    def zeros(cls, shape: tuple[int, int, int], turbulence_fields: int = 0) -> FlowState:
+        """All zero, for fields of this shape."""
+        u, v, w, ex, ey, ez, cx, cy, cz, fraction, phi = (np.zeros(shape) for _ in range(11))
+        spans, wet = Spans.padded(shape), np.zeros(shape, dtype=np.uint8)
+        return cls(
+            u, v, w, ex, ey, ez, cx, cy, cz, spans.lo, spans.hi, fraction, wet, phi, 1.0, 0.0, np.zeros(3),
+            turbulence=np.zeros((turbulence_fields, *shape)),
+        )  # fmt: skip
+
+    def copy_from(self, other: FlowState) -> None:
+        """Take the values of another state."""
+        for f in fields(self):
+            value = getattr(other, f.name)
+            if isinstance(value, np.ndarray):
+                getattr(self, f.name)[...] = value
+            else:
+                setattr(self, f.name, value)
+
+    @property
+    def velocity(self) -> tuple[Array, Array, Array]:
+        """Its three components [m/s]."""
+        return self.u, self.v, self.w
+
+    @property
+    def extended(self) -> tuple[Array, Array, Array]:
+        """Extended velocity [m/s]."""
+        return self.ex, self.ey, self.ez
+
+    @property
+    def carrying(self) -> tuple[Array, Array, Array]:
+        """Velocity on full faces [m/s]."""
+        return self.cx, self.cy, self.cz
+
+
+class Placed(NamedTuple):
+    """Solids in grid axes, one row each."""
+
+    position: Array
+    """Origins [m], shape (n, 3)"""
+    rotation: Array
+    """Body -> grid, shape (n, 3, 3)"""
+    velocity: Array
+    """[m/s]"""
+    rate: Array
+    """Angular velocity [rad/s]"""
+    spin: Array
+    """Angular velocity of the surface relative to the body [rad/s]"""
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Loads on n solids in their own axes about their origins: force [N] and moment [N m], each of shape (n, 6)."""
+
+    pressure: Array
+    shear: Array
+    """Wall friction, and the drag of lugs (`exumob.flow.tread`)"""
+    exchange: Array
+    """Momentum that faces hardly open pass to the wall"""
+
+    @property
+    def total(self) -> Array:
+        """Sum of the three, shape (n, 6)."""
+        return self.pressure + self.shear + self.exchange
+
+
+@dataclass(frozen=True)
+class StepReport:
+    """What one call of `FlowSolver.advance` took."""
+
+    steps: int
+    """Sub-steps"""
+    iterations: int
+    """Pressure iterations, all sub-steps together"""
+    residual: float
+    """Largest divergence times step left [-]"""
+    courant: float
+    """Largest Courant number [-]"""
+    halvings: int
+    """Steps that failed and were halved"""
+
+
+def interpolate(begin: Poses, end: Poses, interval: float, part: float) -> Poses:
+    """Poses at a part (0 to 1) of an interval [s]: cubic in the positions, rotations along the shortest arc."""
+    from scipy.spatial.transform import Rotation
+
+    p = part
+    h00, h10, h01, h11 = 2 * p**3 - 3 * p**2 + 1, p**3 - 2 * p**2 + p, 3 * p**2 - 2 * p**3, p**3 - p**2
+    position = (
+        h00 * begin.position + h10 * interval * begin.velocity + h01 * end.position + h11 * interval * end.velocity
+    )
+    rotation = begin.rotation.copy()
+    for n in range(len(rotation)):
+        arc = Rotation.from_matrix(end.rotation[n] @ begin.rotation[n].T).as_rotvec()
+        rotation[n] = Rotation.from_rotvec(p * arc).as_matrix() @ begin.rotation[n]
+    mean = [(1 - p) * getattr(begin, k) + p * getattr(end, k) for k in ("velocity", "angular_velocity", "spin")]
+    return Poses(position, rotation, *mean)
