@@ -9,9 +9,9 @@ Bernoulli's equation gives an exact figure: on the way to the front the head, le
 current; the limit is 10 % of U^2 / (2 g).
 
 What to expect of the solver: partly open faces rounded edges off by about a cell before `FlowSettings.sharp_edges`,
-which left 60 % of the drag of a square of six cells. Square prisms with edges rounded at r / D = 0.02, 0.17 and 0.33 have
-C_D = 2.0, 1.2 and 1.0 (Delany & Sorensen, NACA TN 3038, 1953). The separation of a round column depends on its boundary
-layer, which is not resolved: the wall is a slip wall with friction.
+which left 60 % of the drag of a square of six cells. Prisms with edges rounded at r / D = 0.02, 0.17 and 0.33 have
+C_D = 2.0, 1.2 and 1.0 (Delany & Sorensen, NACA TN 3038, 1953). The separation of a round column depends on its
+boundary layer, which is not resolved: the wall is a slip wall with friction.
 """
 
 from __future__ import annotations
