@@ -63,6 +63,8 @@ def verify_command(
                 found += [(case.name, check) for check in case.run()]
             except (SimulationError, ValueError) as error:
                 broken.append(f"{case.name}: {error}")
+            if output:  # a run cut short keeps what it found
+                write_table(found, output)
             done += case.minutes
             pace = (time.monotonic() - begin) / done  # [s] of wall time per minute foreseen
             bar.update(task, completed=done, left=f"about {pace * (total - done) / 60.0:.1f} min left")
@@ -77,7 +79,6 @@ def verify_command(
         highlight=False,
     )
     if output:
-        output.write_text(as_csv(found) if output.suffix == ".csv" else as_markdown(found), encoding="utf-8")
         console.print(f"table     {output}", highlight=False)
     raise typer.Exit(1 if missed or broken else 0)
 
@@ -130,19 +131,20 @@ def case_table(cases: Sequence[Case]) -> Table:
 
 
 def check_table(found: Sequence[tuple[str, Check]]) -> Table:
-    """Table of the terminal, one row a check."""
+    """Table of the terminal, one row a check, under the name of its case."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for heading in ("case", "check"):
-        table.add_column(heading, overflow="fold")
+    table.add_column("check", overflow="fold")
     for heading in HEADINGS[2:6]:
         table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
     table.add_column("result", no_wrap=True)
     before = ""
     for case, check in found:
-        cells = row(case, check)
-        colour = {"pass": "green", "MISS": "bold red", "reported": "dim"}[cells[-1]]
-        table.add_row(case if case != before else "", *cells[1:-1], f"[{colour}]{cells[-1]}[/{colour}]")
+        if case != before:
+            table.add_row(f"[bold]{case}[/bold]")
+        _, name, *numbers, unit, result = row(case, check)
+        colour = {"pass": "green", "MISS": "bold red", "reported": "dim"}[result]
+        name = name if unit == "-" else f"{name} \\[{unit}]"
+        table.add_row(f"  {name}", *numbers, f"[{colour}]{result}[/{colour}]")
         before = case
     return table
 
@@ -153,6 +155,11 @@ def row(case: str, check: Check) -> tuple[str, ...]:
     result = ("pass" if check.passed else "MISS") if limited else "reported"
     numbers = (check.value, check.reference, check.error, check.limit)
     return case, check.name, *(f"{n:.4g}" if math.isfinite(n) else "" for n in numbers), check.unit, result
+
+
+def write_table(found: Sequence[tuple[str, Check]], output: Path) -> None:
+    """Write the table as the file's ending says."""
+    output.write_text(as_csv(found) if output.suffix == ".csv" else as_markdown(found), encoding="utf-8")
 
 
 def as_markdown(found: Sequence[tuple[str, Check]]) -> str:
