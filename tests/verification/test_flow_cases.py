@@ -14,9 +14,10 @@ SLOW_FRONT = "the front is a few per cent late and improves with the grid; press
 P1, P3 = ("P1 at 21 mm", "P1 at 25 mm"), ("P3 at 101 mm", "P3 at 99 mm")
 KNOWN_MISSES = {
     "momentum gap, surface-piercing box, h = 20 mm": (0.03, "pressure in the surface cell is known to half a cell"),
-    **{f"arrival t sqrt(g/H), {p}, h = {h} mm": (0.09, SLOW_FRONT) for p in P1 for h in (40, 25)},
-    **{f"arrival t sqrt(g/H), {p}, h = {h} mm": (0.13, SLOW_FRONT) for p in P3 for h in (40, 25)},
+    **{f"arrival t sqrt(g/H), {p}, h = 25 mm": (0.09, SLOW_FRONT) for p in P1},
+    **{f"arrival t sqrt(g/H), {p}, h = {h} mm": (b, SLOW_FRONT) for p in P3 for h, b in ((40, 0.3), (25, 0.13))},
     **{f"impulse, {p}, h = {h} mm": (b, SLOW_FRONT) for p in P3 for h, b in ((40, 0.45), (25, 0.35))},
+    "drag coefficient, round, U 0.3 m/s (Fr 0.30)": (0.5, SMOOTH),
     "drag coefficient, round, U 0.5 m/s (Fr 0.50)": (0.4, SMOOTH),
     **{f"waves sent back, {n}.0 zone widths long, at {a} degrees": (b, OBLIQUE) for (n, a), b in ANGLES.items()},
     "waves sent back, 1.0 zone widths long, against 0.5 m/s": (0.11, BLOCKED),
