@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit, prange
 
 from exumob.environment import Water
-from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, multigrid, pressure, vehicle_solids
+from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, conjugate_gradients, multigrid, pressure, vehicle_solids
 from vehicle_models.amphibious import amphibious_vehicle
 
 CELL_SIZES = (0.032, 0.025, 0.018, 0.0145, 0.011, 0.0104)
@@ -95,8 +95,8 @@ def gradients_bandwidth(levels, metrics):
     rows = np.zeros(fine.ny)
 
     def run():
-        multigrid.new_direction(fine, v, 0.5, rows)
-        multigrid.advance_solution(fine, v, 1e-9, metrics, rows)
+        conjugate_gradients.new_direction(fine, v, 0.5, rows)
+        conjugate_gradients.advance_solution(fine, v, 1e-9, metrics, rows)
 
     run()
     return 1e-9 * cells * (turn + advance) / best_time(run, 20)

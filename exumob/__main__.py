@@ -24,6 +24,7 @@ from exumob.verification.command import verify_command
 if TYPE_CHECKING:
     import xarray as xr
 
+    from exumob.errors import SimulationError
     from exumob.vehicle import Vehicle
 
 app = typer.Typer(
@@ -194,6 +195,7 @@ def captive_command(
                 _fail(error)
             result, code = error.result, 1
             errors.print(f"[red]{error}[/red]\nWhat was computed until then follows.", highlight=False)
+            _keep_state(error, output)
         except SimulationInterrupted as stop:
             result, code = stop.result, 130
             errors.print(f"[yellow]{stop}[/yellow]; what was computed until then follows.", highlight=False)
@@ -240,6 +242,16 @@ def _progress(duration: float, before: str = "preparing", during: str = "towing"
     ) as bar:  # fmt: skip
         task = bar.add_task(before, total=duration)
         yield lambda time: bar.update(task, completed=time, description=during)
+
+
+def _keep_state(error: SimulationError, output: Path | None) -> None:
+    """Write the flow before the failed step beside the result."""
+    if output is not None and error.state is not None:
+        import numpy as np
+
+        target = output.with_suffix(".state.npz")
+        np.savez(target, **error.state)
+        errors.print(f"State before the failed step (FlowSolver.restore): {target}", highlight=False, soft_wrap=True)
 
 
 def _vehicle(file: Path | None) -> Vehicle:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import xarray as xr
 
 
@@ -10,6 +12,8 @@ class SimulationError(RuntimeError):
 
     result: xr.Dataset | None = None
     """What was computed until then, if anything was."""
+    state: dict[str, Any] | None = None
+    """Of the flow solver before the step that failed, for `exumob.flow.FlowSolver.restore`."""
 
 
 class SimulationInterrupted(KeyboardInterrupt):

@@ -116,7 +116,7 @@ def captive_run(
     ValueError
         On input that cannot be run, before anything runs.
     SimulationError
-        If the run breaks; ``error.result`` holds the Dataset up to then.
+        If the run breaks; ``error.result`` holds the Dataset up to then, ``error.state`` that of the flow solver.
     SimulationInterrupted
         On Ctrl-C; a KeyboardInterrupt whose ``result`` holds the Dataset up to then.
     """
@@ -172,7 +172,7 @@ def captive_run(
     except Exception as error:  # of solver, motion or callbacks: none of them may cost what was computed
         said = str(error) if isinstance(error, SimulationError) else f"{type(error).__name__}: {error}"
         broken = SimulationError(f"{vehicle.name}, captive, at {solver.time:.4f} s: {said}")
-        broken.result = result(f"broke down at {solver.time:.4f} s: {said}")
+        broken.result, broken.state = result(f"broke down at {solver.time:.4f} s: {said}"), solver.save()
         raise broken from error
     return result("completed")
 

@@ -2,7 +2,7 @@
 
 Unknown: dt times the piezometric pressure over density, phi = dt (p / rho + g (z - level)) [m^2/s], at wet cells. The
 surface enters by the ghost-fluid method (second order: Gibou et al., J. Comput. Phys. 176 (2002) 205), the openness of
-faces as in `exumob.flow.body`. `exumob.flow.multigrid` solves it.
+faces as in `exumob.flow.body`. `exumob.flow.conjugate_gradients` solves it.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from exumob.environment import GRAVITY
 from exumob.flow.body import Openness
+from exumob.flow.conjugate_gradients import Outcome, solve
 from exumob.flow.grid import HALO, Metrics
 from exumob.flow.interface import gradient, stack_distance
-from exumob.flow.multigrid import Level, Levels, Outcome, U, clear_row, solve
+from exumob.flow.multigrid import Level, Levels, U, clear_row
 from exumob.flow.spans import Spans
 from exumob.states import Array
 

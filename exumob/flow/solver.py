@@ -161,7 +161,7 @@ class FlowSolver:
         Raises
         ------
         SimulationError
-            If a step fails even when divided by 16. The state is that before the failed step and can be saved.
+            If a step fails even when divided by 16; ``error.state`` is what `save` gave before the failed step.
         """
         if self._poses is None:
             raise ValueError("FlowSolver.advance: call start(poses) first.")
@@ -189,12 +189,14 @@ class FlowSolver:
                 halvings += 1
                 pieces = 2 * max(pieces, round(1.0 / share))
                 if dt < interval / 16.0 * 1.001 and halvings > 4:
-                    raise SimulationError(
+                    failed = SimulationError(
                         f"flow solver stopped at t = {self._state.time:.4f} s: {outcome} even with a "
                         f"step of {dt:.2e} s. "
-                        "The state before the step is kept (save()). Look for a solid that jumps or leaves the window; "
-                        "use smaller cells, a smaller interval, or a larger window."
+                        "The state before the step is kept (SimulationError.state). Look for a solid that jumps or "
+                        "leaves the window; use smaller cells, a smaller interval, or a larger window."
                     )
+                    failed.state = self.save()
+                    raise failed
                 log.warning("t = %.4f s: %s; the step is halved", self._state.time, outcome)
                 self._place(self._poses, self._state.frame)
                 continue

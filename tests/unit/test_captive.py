@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from exumob.environment import Water
 from exumob.errors import SimulationError, SimulationInterrupted
-from exumob.flow import CaptiveMotion, FlowSettings, Grid, captive_run, captive_summary, check_resolution
+from exumob.flow import CaptiveMotion, FlowSettings, FlowSolver, Grid, captive_run, captive_summary, check_resolution
 from exumob.flow.captive import VARIABLES, captive_grid
 from exumob.maneuver import lane_change
 from exumob.results import load_dataset, save_dataset
@@ -418,6 +418,24 @@ def test_run_that_breaks_keeps_what_it_has():
     assert run["time"].values == pytest.approx([0.005, 0.01, 0.015])
     assert run.sizes["snapshot"] == 2
     assert run.attrs["status"].startswith("broke down at 0.0150 s")
+    assert caught.value.state["time"] == pytest.approx(0.015)
+
+
+def test_flow_that_stops_hands_over_its_state_before_the_failed_step():
+    grid = Grid.uniform((0.0, 0.0, 0.0), (0.4, 0.2, 0.2), 0.02)
+    solver = FlowSolver(grid, (), Water(0.1), FlowSettings(far_x=False, far_y=False, follow=None))
+    solver.start()
+    solver.advance(0.01)
+    before = solver.save()
+    fast = np.zeros((10, 10, 21))
+    fast[4:6, 2:4, 8:12] = np.nan
+    solver.initialize(velocity=(fast, np.zeros((11, 10, 20)), np.zeros((10, 11, 20))))
+    with pytest.raises(SimulationError, match=r"SimulationError\.state") as caught:
+        solver.advance(0.02)
+    assert caught.value.state["time"] == before["time"]
+    solver.restore(before)
+    assert np.all(np.isfinite(solver.advance(0.02)))
+    assert all(np.all(np.isfinite(q)) for q in solver.velocity)
 
 
 def test_ctrl_c_keeps_what_it_has():
