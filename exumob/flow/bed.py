@@ -1,0 +1,336 @@
+"""A given bed: a terrain at rest in the world, through which the grid moves, as one more thing that closes faces.
+
+Faces across x and y are open by the share of their height that lies above the bed, so that a column carries what its
+depth can carry and a flat bed is exact wherever it lies in a cell. Faces across z are open by a smooth ramp of their
+height above the bed, as wide as the bed rises over the face and at least half a cell. Heights are taken at the faces'
+centres: a bed that bends within a cell is rounded off.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from exumob.environment import Water
+from exumob.flow.body import FAR, Openness, ramp
+from exumob.flow.grid import HALO, Grid, Metrics
+from exumob.flow.wall import friction_velocity
+from exumob.states import Array
+from exumob.terrain import Terrain, terrain_height
+
+log = logging.getLogger(__name__)
+
+SHUT = 1.0e-3
+"""Openness below which the bed closes a face [-]."""
+CONTOUR = 1.0e-3
+"""Largest slope along a current that counts as none [-]."""
+UNEVEN = 0.1
+"""Largest range of the depth along the far sides over its mean that a current may cross [-]."""
+ABOVE = 4
+"""Cells above the highest bed whose distance from it is kept up."""
+
+
+class Bed:
+    """Terrain under a moving grid.
+
+    Parameters
+    ----------
+    terrain : Terrain
+    grid : Grid
+    number : int
+        That stands for the bed in `Openness.nearest`: one more than those of the solids.
+
+    Attributes
+    ----------
+    heights : array, shape (ny, nx)
+        Bed below the cells' centres, halo included [m].
+    region : array of int, shape (6,)
+        Index box of all that the bed closes.
+    """
+
+    def __init__(self, terrain: Terrain, grid: Grid, number: int) -> None:
+        self.grid, self.number = grid, number
+        self._terrain = terrain.as_arrays()
+        ny, nz, nx = grid.padded_shape
+        self.heights = np.zeros((ny, nx))
+        self.region = np.array([0, ny, 0, nz, 0, nx], dtype=np.int64)
+        self._x_heights, self._y_heights = np.zeros((ny, nx)), np.zeros((ny, nx))
+        self._slopes = np.zeros((ny, nx)), np.zeros((ny, nx))
+        self._frame: Array | None = None
+        self._warned = False
+
+    def survey(self, frame: Array) -> bool:
+        """Take the heights under the grid at `frame` (x, y [m], heading [rad]); False if it stands where it stood.
+
+        Raises
+        ------
+        ValueError
+            If the bed lies below the window's lowest face.
+        """
+        if self._frame is not None and np.array_equal(frame, self._frame):
+            return False
+        m, h = self.grid.metrics, HALO
+        take_heights(*self._terrain, frame, m, self.heights, self._x_heights, self._y_heights, *self._slopes)
+        inner = [self.heights[h:-h, h:-h], self._x_heights[h:-h, h : -h + 1], self._y_heights[h : -h + 1, h:-h]]
+        lowest, bottom = min(float(q.min()) for q in inner), float(self.grid.z_faces[0])
+        if lowest < bottom - 1e-9:
+            raise ValueError(
+                f"terrain: the bed comes down to z = {lowest:.4g} m in the window, whose lowest face is at "
+                f"{bottom:.4g} m; let Grid.z_faces start at or below the lowest bed on the grid's whole way."
+            )
+        highest = max(float(q.max()) for q in inner)
+        top = min(int(np.searchsorted(m.zf, highest)) + ABOVE, len(m.zc))
+        self._frame, self.region[3] = frame.copy(), top
+        return True
+
+    def lay(self, region: NDArray[np.int64], openness: Openness) -> None:
+        """Set openness, distance and nearest in an index box to those of the bed alone."""
+        lay(
+            region, int(self.region[3]), self.number, self.heights, self._x_heights, self._y_heights, *self._slopes,
+            self.grid.metrics, openness,
+        )  # fmt: skip
+
+    def check_water(self, water: Water, far: Array, zone: NDArray[np.bool_], start: bool) -> None:
+        """Refuse at the start what cannot be undisturbed: no water at all, or a current across an uneven bed.
+
+        A uniform current is a flow over a bed only if it runs along the depth contours. Elsewhere the far field asks
+        for as much speed in deep water as in shallow, and its level makes up for the difference of the discharges:
+        bearable over bumps of a few per cent of the depth, not on a slope.
+
+        Parameters
+        ----------
+        water : Water
+        far : array, shape (3,)
+            Current in grid axes [m/s].
+        zone : array of bool, shape (ny, nx)
+            Columns in the far field.
+        start : bool
+            False: log a warning, once, instead of raising.
+        """
+        h = HALO
+        if start and self.heights[h:-h, h:-h].min() >= water.depth:
+            raise ValueError(
+                f"terrain: no bed in the window lies below the still level, Water.depth = {water.depth:g} m above "
+                f"z = 0 (the lowest is at {self.heights[h:-h, h:-h].min():.4g} m); raise the level or lower the bed."
+            )
+        speed = math.hypot(far[0], far[1])
+        if speed == 0.0 or not zone.any():
+            return
+        uphill = np.abs(far[0] * self._slopes[0][zone] + far[1] * self._slopes[1][zone]).max() / speed
+        depths = np.maximum(water.depth - self.heights[zone], 0.0)
+        uneven = (depths.max() - depths.min()) / max(float(depths.mean()), 1e-9)
+        if uphill <= CONTOUR or uneven <= UNEVEN:
+            return
+        message = (
+            f"terrain: the current crosses depths of {depths.min():.3g} to {depths.max():.3g} m at the far sides, and "
+            f"a uniform current needs an even bed there (within {100 * UNEVEN:.0f} % of the depth) or one that is "
+            "level along it; level the terrain towards the window's sides, turn the current along the contours, or "
+            "take still water and move the vehicle."
+        )
+        if start:
+            raise ValueError(message)
+        if not self._warned:
+            log.warning("%s", message)
+            self._warned = True
+
+
+def lowest_bed(terrain: Terrain, frames: Array, grid_low: Array, grid_high: Array, spacing: float = 0.1) -> float:
+    """Lowest bed [m] below a window on its way.
+
+    Parameters
+    ----------
+    terrain : Terrain
+    frames : array, shape (n, 3)
+        Places of the window: origin x, y [m] and heading [rad].
+    grid_low, grid_high : array, shape (2,)
+        Its corners in its own axes [m].
+    spacing : float
+        Of the points looked at [m].
+    """
+    axes = [
+        np.linspace(low, high, max(math.ceil((high - low) / spacing), 1) + 1)
+        for low, high in zip(grid_low, grid_high, strict=True)
+    ]
+    return float(_lowest(*terrain.as_arrays(), np.atleast_2d(np.asarray(frames, dtype=float)), *axes))
+
+
+@njit(cache=True, error_model="numpy")
+def _lowest(parameters: Array, field: Array, frames: Array, x: Array, y: Array) -> float:
+    """Lowest height at the points x, y of all frames."""
+    lowest = np.inf
+    for frame in frames:
+        c, s = math.cos(frame[2]), math.sin(frame[2])
+        for a in x:
+            for b in y:
+                z, _, _ = terrain_height(parameters, field, frame[0] + c * a - s * b, frame[1] + s * a + c * b)
+                lowest = min(lowest, z)
+    return lowest
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def take_heights(
+    parameters: Array, field: Array, frame: Array, metrics: Metrics, centers: Array, x_faces: Array, y_faces: Array,
+    slope_x: Array, slope_y: Array,
+) -> None:  # fmt: skip
+    """Heights of the bed [m] below cells' centres and the centres of their low x and y faces; slopes in grid axes.
+
+    Parameters
+    ----------
+    parameters, field : array
+        `Terrain.as_arrays`.
+    frame : array, shape (3,)
+        Grid origin x, y [m] and yaw [rad] in the world.
+    centers, x_faces, y_faces, slope_x, slope_y : array, shape (ny, nx), changed
+        Heights [m] and, at the centres, slopes [-].
+    """
+    ny, nx = centers.shape
+    c, s = math.cos(frame[2]), math.sin(frame[2])
+    for j in prange(ny):
+        y, yf = metrics.yc[j], metrics.yf[j]
+        for i in range(nx):
+            x, xf = metrics.xc[i], metrics.xf[i]
+            z, along_x, along_y = terrain_height(parameters, field, frame[0] + c * x - s * y, frame[1] + s * x + c * y)
+            centers[j, i] = z
+            slope_x[j, i], slope_y[j, i] = c * along_x + s * along_y, c * along_y - s * along_x
+            z, _, _ = terrain_height(parameters, field, frame[0] + c * xf - s * y, frame[1] + s * xf + c * y)
+            x_faces[j, i] = z
+            z, _, _ = terrain_height(parameters, field, frame[0] + c * x - s * yf, frame[1] + s * x + c * yf)
+            y_faces[j, i] = z
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _share(height: float, bed: float, width: float) -> float:
+    """Share of a face above the bed; `height`: of its upper edge [m]."""
+    share = (height - bed) / width
+    return 0.0 if share < SHUT else min(share, 1.0)
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def lay(
+    region: NDArray[np.int64], top: int, number: int, centers: Array, x_faces: Array, y_faces: Array, slope_x: Array,
+    slope_y: Array, metrics: Metrics, openness: Openness,
+) -> None:  # fmt: skip
+    """Set what the bed leaves open in an index box; from layer `top` on all is open.
+
+    The openness before sharpening (`ax`, `ay`, `az`) belongs to the solids alone and is left as it is.
+    """
+    j0, j1, k0, k1, i0, i1 = region
+    bx, by, bz = openness.bx, openness.by, openness.bz
+    sx, sy, sz = openness.sx, openness.sy, openness.sz
+    distance, nearest = openness.distance, openness.nearest
+    for j in prange(j0, j1):
+        for k in range(k0, k1):
+            low, high, dz = metrics.zf[k], metrics.zf[k + 1], metrics.dz[k]
+            for i in range(i0, i1):
+                sx[j, k, i] = sy[j, k, i] = sz[j, k, i] = 0.0
+                if k >= top:
+                    bx[j, k, i] = by[j, k, i] = bz[j, k, i] = 1.0
+                    distance[j, k, i], nearest[j, k, i] = FAR, -1
+                    continue
+                gx, gy, z = slope_x[j, i], slope_y[j, i], centers[j, i]
+                bx[j, k, i] = _share(high, x_faces[j, i], dz)
+                by[j, k, i] = _share(high, y_faces[j, i], dz)
+                half = max(0.5 * (abs(gx) * metrics.dx[i] + abs(gy) * metrics.dy[j]), 0.25 * dz)
+                value = ramp((low - z) / half)
+                bz[j, k, i] = value if value >= SHUT else 0.0
+                distance[j, k, i] = (metrics.zc[k] - z) / math.sqrt(1.0 + gx * gx + gy * gy)
+                nearest[j, k, i] = number
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def join(regions: NDArray[np.int64], bodies: Openness, openness: Openness) -> None:
+    """Add solids to the bed in their index boxes: the less open and the nearer of the two counts.
+
+    Parameters
+    ----------
+    regions : array of int, shape (n, 6)
+        Index boxes of the solids.
+    bodies : Openness
+        Of the solids alone.
+    openness : Openness, changed
+        Of the bed alone; then of both.
+    """
+    for n in range(len(regions)):
+        for j in prange(regions[n, 0], regions[n, 1]):
+            for k in range(regions[n, 2], regions[n, 3]):
+                for i in range(regions[n, 4], regions[n, 5]):
+                    if bodies.bx[j, k, i] < openness.bx[j, k, i]:
+                        openness.bx[j, k, i], openness.sx[j, k, i] = bodies.bx[j, k, i], bodies.sx[j, k, i]
+                    if bodies.by[j, k, i] < openness.by[j, k, i]:
+                        openness.by[j, k, i], openness.sy[j, k, i] = bodies.by[j, k, i], bodies.sy[j, k, i]
+                    if bodies.bz[j, k, i] < openness.bz[j, k, i]:
+                        openness.bz[j, k, i], openness.sz[j, k, i] = bodies.bz[j, k, i], bodies.sz[j, k, i]
+                    if bodies.distance[j, k, i] < openness.distance[j, k, i]:
+                        openness.distance[j, k, i] = bodies.distance[j, k, i]
+                        openness.nearest[j, k, i] = bodies.nearest[j, k, i]
+
+
+def close_sides(carrying: tuple[Array, Array, Array], openness: Openness) -> None:
+    """Leave of the current that the far sides carry on full faces what passes above the bed."""
+    for axis, q, b in ((2, carrying[0], openness.bx), (0, carrying[1], openness.by)):
+        for side in (HALO, q.shape[axis] - HALO):
+            at = (slice(None),) * axis + (side,)
+            q[at] *= b[at]
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def shear(
+    out: tuple[Array, Array, Array], u: Array, v: Array, fraction: Array, open_faces: tuple[Array, Array],
+    heights: Array, top: int, roughness: float, viscosity: float, dt: float, metrics: Metrics,
+) -> None:  # fmt: skip
+    """Slow the lowest layer down by the log-law shear of a given bed; see `exumob.flow.wall.bed_shear`.
+
+    The speed is the horizontal one of the lowest layer whose centre lies at least a quarter of a cell above the bed;
+    the shear acts on that layer and on what is open below it. Meant for slopes up to about 1 in 3.
+
+    Parameters
+    ----------
+    out : three arrays, changed
+        Velocity [m/s].
+    u, v : array
+        Velocity from which the shear is taken, absolute [m/s].
+    fraction : array
+        [-]
+    open_faces : two arrays
+        Openness of the x and y faces [-].
+    heights : array, shape (ny, nx)
+        Of the bed [m].
+    top : int
+        First layer above all of the bed.
+    roughness, viscosity, dt
+        As for `bed_shear` [m, m^2/s, s].
+    """
+    ny, nz, nx = u.shape
+    bx, by = open_faces
+    for j in prange(HALO, ny - HALO + 1):
+        for i in range(HALO, nx - HALO + 1):
+            for axis in range(2):
+                bed = 0.5 * (heights[j, i] + (heights[j, i - 1] if axis == 0 else heights[j - 1, i]))
+                b = bx if axis == 0 else by
+                k = HALO
+                while k < min(top, nz - HALO - 1) and metrics.zc[k] - bed < 0.25 * metrics.dz[k]:
+                    k += 1
+                c = 0.5 * (fraction[j, k, i] + (fraction[j, k, i - 1] if axis == 0 else fraction[j - 1, k, i]))
+                if b[j, k, i] == 0.0 or c < 0.25:
+                    continue
+                if axis == 0:
+                    here = u[j, k, i]
+                    across = 0.25 * ((v[j, k, i] + v[j + 1, k, i - 1]) + (v[j + 1, k, i] + v[j, k, i - 1]))
+                else:
+                    here = v[j, k, i]
+                    across = 0.25 * ((u[j, k, i] + u[j - 1, k, i + 1]) + (u[j, k, i + 1] + u[j - 1, k, i]))
+                speed = math.sqrt(here * here + across * across)
+                if speed <= 1e-9:
+                    continue
+                depth = metrics.zf[k] - bed + metrics.dz[k] * min(max(c, 0.5), 1.0)
+                rate = friction_velocity(speed, metrics.zc[k] - bed, viscosity, roughness) ** 2 / (speed * depth)
+                for layer in range(HALO, k + 1):
+                    if b[j, layer, i] > 0.0:
+                        if axis == 0:
+                            out[0][j, layer, i] /= 1.0 + dt * rate
+                        else:
+                            out[1][j, layer, i] /= 1.0 + dt * rate
