@@ -16,6 +16,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from exumob.environment import Water
+from exumob.flow.advection import RESOLVED
 from exumob.flow.body import FAR, Openness, ramp
 from exumob.flow.grid import HALO, Grid, Metrics
 from exumob.flow.wall import friction_velocity
@@ -30,6 +31,8 @@ CONTOUR = 1.0e-3
 """Largest slope along a current that counts as none [-]."""
 UNEVEN = 0.1
 """Largest range of the depth along the far sides over its mean that a current may cross [-]."""
+DEEP = 2
+"""Cells below the bed from which the velocity is 0: no flow sees it."""
 ABOVE = 4
 """Cells above the highest bed whose distance from it is kept up."""
 
@@ -93,6 +96,15 @@ class Bed:
             region, int(self.region[3]), self.number, self.heights, self._x_heights, self._y_heights, *self._slopes,
             self.grid.metrics, openness,
         )  # fmt: skip
+
+    def refill(self, fraction: Array, openness: Openness) -> None:
+        """Give cells below the bed the fraction of the water above or beside them."""
+        refill(fraction, self.heights, self.region, openness.nearest, self.number, self.grid.metrics)
+
+    def stop(self, wet: NDArray[np.uint8], openness: Openness, *velocities: tuple[Array, Array, Array]) -> None:
+        """Bring to rest what moves well below the bed, and films on it."""
+        for velocity in velocities:
+            stop_below(velocity, wet, openness, self.heights, int(self.region[3]), self.number, self.grid.metrics)
 
     def check_water(self, water: Water, far: Array, zone: NDArray[np.bool_], start: bool) -> None:
         """Refuse at the start what cannot be undisturbed: no water at all, or a current across an uneven bed.
@@ -254,19 +266,93 @@ def join(regions: NDArray[np.int64], bodies: Openness, openness: Openness) -> No
     openness : Openness, changed
         Of the bed alone; then of both.
     """
+    bx, by, bz = openness.bx, openness.by, openness.bz  # Numba drops writes through a tuple inside prange
+    sx, sy, sz = openness.sx, openness.sy, openness.sz
+    distance, nearest = openness.distance, openness.nearest
     for n in range(len(regions)):
         for j in prange(regions[n, 0], regions[n, 1]):
             for k in range(regions[n, 2], regions[n, 3]):
                 for i in range(regions[n, 4], regions[n, 5]):
-                    if bodies.bx[j, k, i] < openness.bx[j, k, i]:
-                        openness.bx[j, k, i], openness.sx[j, k, i] = bodies.bx[j, k, i], bodies.sx[j, k, i]
-                    if bodies.by[j, k, i] < openness.by[j, k, i]:
-                        openness.by[j, k, i], openness.sy[j, k, i] = bodies.by[j, k, i], bodies.sy[j, k, i]
-                    if bodies.bz[j, k, i] < openness.bz[j, k, i]:
-                        openness.bz[j, k, i], openness.sz[j, k, i] = bodies.bz[j, k, i], bodies.sz[j, k, i]
-                    if bodies.distance[j, k, i] < openness.distance[j, k, i]:
-                        openness.distance[j, k, i] = bodies.distance[j, k, i]
-                        openness.nearest[j, k, i] = bodies.nearest[j, k, i]
+                    if bodies.bx[j, k, i] < bx[j, k, i]:
+                        bx[j, k, i], sx[j, k, i] = bodies.bx[j, k, i], bodies.sx[j, k, i]
+                    if bodies.by[j, k, i] < by[j, k, i]:
+                        by[j, k, i], sy[j, k, i] = bodies.by[j, k, i], bodies.sy[j, k, i]
+                    if bodies.bz[j, k, i] < bz[j, k, i]:
+                        bz[j, k, i], sz[j, k, i] = bodies.bz[j, k, i], bodies.sz[j, k, i]
+                    if bodies.distance[j, k, i] < distance[j, k, i]:
+                        distance[j, k, i], nearest[j, k, i] = bodies.distance[j, k, i], bodies.nearest[j, k, i]
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def refill(fraction: Array, heights: Array, region: NDArray[np.int64], nearest: NDArray[np.int8], number: int,
+           metrics: Metrics) -> None:  # fmt: skip
+    """Give cells below the bed the fraction that the water above or beside them has there.
+
+    Full below water; in the ground behind a shore the mean of the open cells beside them, so that the surface seems to
+    go on level; elsewhere they keep what they hold.
+
+    Parameters
+    ----------
+    fraction : array, changed
+        [-]
+    heights : array, shape (ny, nx)
+        Of the bed [m].
+    region : array of int, shape (6,)
+        Index box of the bed.
+    nearest : array
+        `Openness.nearest`; cells nearer to a solid are left to `exumob.flow.interface.refill_solids`.
+    number : int
+        Of the bed in it.
+    """
+    ny, nz, nx = fraction.shape
+    for j in prange(HALO, ny - HALO):
+        for i in range(HALO, nx - HALO):
+            z = heights[j, i]
+            first = HALO
+            while first < nz - HALO and metrics.zf[first + 1] <= z:
+                first += 1
+            wet = first < nz - HALO and max(fraction[j, first, i], fraction[j, first + 1, i]) > RESOLVED
+            for k in range(HALO, min(first, region[3])):
+                if nearest[j, k, i] != number:
+                    continue
+                if wet:
+                    fraction[j, k, i] = 1.0
+                    continue
+                total, count = 0.0, 0
+                for n in range(4):
+                    b, a = j + (n == 0) - (n == 1), i + (n == 2) - (n == 3)
+                    if metrics.zf[k + 1] > heights[b, a] and HALO <= b < ny - HALO and HALO <= a < nx - HALO:
+                        total += fraction[b, k, a]  # of open cells alone, so the order of the writes does not matter
+                        count += 1
+                if count > 0:
+                    fraction[j, k, i] = total / count
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def stop_below(
+    velocity: tuple[Array, Array, Array], wet: NDArray[np.uint8], openness: Openness, heights: Array, top: int,
+    number: int, metrics: Metrics,
+) -> None:  # fmt: skip
+    """Set the velocity to 0 more than `DEEP` cells below the bed, and of films: on faces it cuts, away from wet cells.
+
+    A film thinner than half a cell that nothing holds would slide down a shore ever faster.
+    """
+    u, v, w = velocity
+    bx, by, bz = openness.bx, openness.by, openness.bz
+    ny, nz, nx = u.shape
+    for j in prange(HALO, ny - HALO):
+        for k in range(HALO, min(top, nz - HALO)):
+            z = metrics.zf[k + 1] + DEEP * metrics.dz[k]
+            for i in range(HALO, nx - HALO):
+                if z < heights[j, i]:
+                    u[j, k, i] = v[j, k, i] = w[j, k, i] = 0.0
+                elif wet[j, k, i] == 0 and openness.nearest[j, k, i] == number:
+                    if bx[j, k, i] < 1.0 and wet[j, k, i - 1] == 0:
+                        u[j, k, i] = 0.0
+                    if by[j, k, i] < 1.0 and wet[j - 1, k, i] == 0:
+                        v[j, k, i] = 0.0
+                    if bz[j, k, i] < 1.0 and wet[j, k - 1, i] == 0:
+                        w[j, k, i] = 0.0
 
 
 def close_sides(carrying: tuple[Array, Array, Array], openness: Openness) -> None:

@@ -264,11 +264,12 @@ class FlowSolver:
         faces = (openness.bx, openness.by, openness.bz)
         fraction = new.fraction
         fraction[:] = old.fraction
-        walls, position, moving, turning = self._surfaces()
-        interface.release_surface(
-            fraction, self._scratch, openness, walls, position, moving, turning, drift, dt, m
+        interface.release_surface(  # not of the bed: it is at rest like the water, whatever the grid does
+            fraction, self._scratch, openness, regions, placed.position, placed.velocity, placed.rate, drift, dt, m
         )  # fmt: skip
-        interface.refill_solids(fraction, openness.distance, walls, m, s.refill_depth)
+        interface.refill_solids(fraction, openness.distance, regions, m, s.refill_depth)
+        if self._bed is not None:
+            self._bed.refill(fraction, openness)
         self._fill_fraction(fraction)
         self._find_water(new)
 
@@ -336,6 +337,8 @@ class FlowSolver:
                 new.extended[axis], out[axis], new.wet, faces[axis], fraction, axis, far[axis], dt, self._near,
                 self._label,
             )  # fmt: skip
+        if self._bed is not None:
+            self._bed.stop(new.wet, openness, out, new.extended)
         boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
         advection.full_velocity(carrying, out, openness, self._near)
         self._fill_carrying(carrying, far)
