@@ -1,9 +1,7 @@
 """A given bed: a terrain at rest in the world, through which the grid moves, as one more thing that closes faces.
 
-Faces across x and y are open by the share of their height that lies above the bed, so that a column carries what its
-depth can carry and a flat bed is exact wherever it lies in a cell. Faces across z are open by a smooth ramp of their
-height above the bed, as wide as the bed rises over the face and at least half a cell. Heights are taken at the faces'
-centres: a bed that bends within a cell is rounded off.
+Faces are open by the share of their area above the bed, which is taken as straight between the corners of the columns
+of cells. A flat bed is then exact wherever it lies in a cell, and a uniform flow along a plane one is free of divergence.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 
 from exumob.environment import Water
 from exumob.flow.advection import RESOLVED
-from exumob.flow.body import FAR, Openness, ramp
+from exumob.flow.body import FAR, Openness
 from exumob.flow.grid import HALO, Grid, Metrics
 from exumob.flow.wall import friction_velocity
 from exumob.states import Array
@@ -25,8 +23,10 @@ from exumob.terrain import Terrain, terrain_height
 
 log = logging.getLogger(__name__)
 
-SHUT = 1.0e-3
+SHUT = 1.0e-6
 """Openness below which the bed closes a face [-]."""
+STEEP = 1.0e-3
+"""Rise of the bed over a face, in cell heights, below which it counts as level [-]."""
 CONTOUR = 1.0e-3
 """Largest slope along a current that counts as none [-]."""
 UNEVEN = 0.1
@@ -50,7 +50,7 @@ class Bed:
     Attributes
     ----------
     heights : array, shape (ny, nx)
-        Bed below the cells' centres, halo included [m].
+        Mean of the bed below the cells, halo included [m].
     region : array of int, shape (6,)
         Index box of all that the bed closes.
     """
@@ -61,7 +61,7 @@ class Bed:
         ny, nz, nx = grid.padded_shape
         self.heights = np.zeros((ny, nx))
         self.region = np.array([0, ny, 0, nz, 0, nx], dtype=np.int64)
-        self._x_heights, self._y_heights = np.zeros((ny, nx)), np.zeros((ny, nx))
+        self._corners = np.zeros((ny + 1, nx + 1))
         self._slopes = np.zeros((ny, nx)), np.zeros((ny, nx))
         self._frame: Array | None = None
         self._warned = False
@@ -77,24 +77,23 @@ class Bed:
         if self._frame is not None and np.array_equal(frame, self._frame):
             return False
         m, h = self.grid.metrics, HALO
-        take_heights(*self._terrain, frame, m, self.heights, self._x_heights, self._y_heights, *self._slopes)
-        inner = [self.heights[h:-h, h:-h], self._x_heights[h:-h, h : -h + 1], self._y_heights[h : -h + 1, h:-h]]
-        lowest, bottom = min(float(q.min()) for q in inner), float(self.grid.z_faces[0])
+        take_heights(*self._terrain, frame, m, self._corners, self.heights, *self._slopes)
+        inner = self._corners[h:-h, h:-h]
+        lowest, bottom = float(inner.min()), float(self.grid.z_faces[0])
         if lowest < bottom - 1e-9:
             raise ValueError(
                 f"terrain: the bed comes down to z = {lowest:.4g} m in the window, whose lowest face is at "
                 f"{bottom:.4g} m; let Grid.z_faces start at or below the lowest bed on the grid's whole way."
             )
-        highest = max(float(q.max()) for q in inner)
-        top = min(int(np.searchsorted(m.zf, highest)) + ABOVE, len(m.zc))
+        top = min(int(np.searchsorted(m.zf, float(self._corners.max()))) + ABOVE, len(m.zc))
         self._frame, self.region[3] = frame.copy(), top
         return True
 
     def lay(self, region: NDArray[np.int64], openness: Openness) -> None:
         """Set openness, distance and nearest in an index box to those of the bed alone."""
         lay(
-            region, int(self.region[3]), self.number, self.heights, self._x_heights, self._y_heights, *self._slopes,
-            self.grid.metrics, openness,
+            region, int(self.region[3]), self.number, self._corners, self.heights, *self._slopes, self.grid.metrics,
+            openness,
         )  # fmt: skip
 
     def refill(self, fraction: Array, openness: Openness) -> None:
@@ -185,10 +184,10 @@ def _lowest(parameters: Array, field: Array, frames: Array, x: Array, y: Array) 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def take_heights(
-    parameters: Array, field: Array, frame: Array, metrics: Metrics, centers: Array, x_faces: Array, y_faces: Array,
-    slope_x: Array, slope_y: Array,
+    parameters: Array, field: Array, frame: Array, metrics: Metrics, corners: Array, centers: Array, slope_x: Array,
+    slope_y: Array,
 ) -> None:  # fmt: skip
-    """Heights of the bed [m] below cells' centres and the centres of their low x and y faces; slopes in grid axes.
+    """Heights of the bed [m] at the columns' corners; their means, and slopes along the grid's axes, for the columns.
 
     Parameters
     ----------
@@ -196,42 +195,79 @@ def take_heights(
         `Terrain.as_arrays`.
     frame : array, shape (3,)
         Grid origin x, y [m] and yaw [rad] in the world.
-    centers, x_faces, y_faces, slope_x, slope_y : array, shape (ny, nx), changed
-        Heights [m] and, at the centres, slopes [-].
+    corners : array, shape (ny + 1, nx + 1), changed
+        [m]
+    centers, slope_x, slope_y : array, shape (ny, nx), changed
+        [m], [-]
     """
     ny, nx = centers.shape
     c, s = math.cos(frame[2]), math.sin(frame[2])
+    for j in prange(ny + 1):
+        y = metrics.yf[j]
+        for i in range(nx + 1):
+            x = metrics.xf[i]
+            corners[j, i], _, _ = terrain_height(parameters, field, frame[0] + c * x - s * y, frame[1] + s * x + c * y)
     for j in prange(ny):
-        y, yf = metrics.yc[j], metrics.yf[j]
         for i in range(nx):
-            x, xf = metrics.xc[i], metrics.xf[i]
-            z, along_x, along_y = terrain_height(parameters, field, frame[0] + c * x - s * y, frame[1] + s * x + c * y)
-            centers[j, i] = z
-            slope_x[j, i], slope_y[j, i] = c * along_x + s * along_y, c * along_y - s * along_x
-            z, _, _ = terrain_height(parameters, field, frame[0] + c * xf - s * y, frame[1] + s * xf + c * y)
-            x_faces[j, i] = z
-            z, _, _ = terrain_height(parameters, field, frame[0] + c * x - s * yf, frame[1] + s * x + c * yf)
-            y_faces[j, i] = z
+            a, b, d, e = corners[j, i], corners[j, i + 1], corners[j + 1, i], corners[j + 1, i + 1]
+            centers[j, i] = 0.25 * ((a + e) + (b + d))
+            slope_x[j, i] = 0.5 * ((b - a) + (e - d)) / metrics.dx[i]
+            slope_y[j, i] = 0.5 * ((d - a) + (e - b)) / metrics.dy[j]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _share(height: float, bed: float, width: float) -> float:
-    """Share of a face above the bed; `height`: of its upper edge [m]."""
-    share = (height - bed) / width
-    return 0.0 if share < SHUT else min(share, 1.0)
+def _upright_share(low: float, high: float) -> float:
+    """Share of an upright face above a straight bed; low, high: its upper edge above the bed's ends, over its height.
+
+    Mean of min(max(s, 0), 1) for s from `low` to `high`.
+    """
+    if min(low, high) >= 1.0:
+        return 1.0
+    if max(low, high) <= 0.0:
+        return 0.0
+    if abs(high - low) < STEEP:
+        share = min(max(0.5 * (low + high), 0.0), 1.0)
+    else:
+        inner_low, inner_high = min(max(low, 0.0), 1.0), min(max(high, 0.0), 1.0)
+        area = 0.5 * (inner_high * inner_high - inner_low * inner_low) + max(high - 1.0, 0.0) - max(low - 1.0, 0.0)
+        share = area / (high - low)
+    return share if share >= SHUT else 0.0
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _level_share(height: float, a: float, b: float) -> float:
+    """Share of a level face above a plane bed.
+
+    Parameters
+    ----------
+    height : float
+        Of the face's centre above the bed [m].
+    a, b : float
+        Rise of the bed over the face's two widths, > 0 [m].
+    """
+    if height >= 0.5 * (a + b):
+        return 1.0
+    if height <= -0.5 * (a + b):
+        return 0.0
+    area = 0.0
+    for n in range(4):
+        s = max(height + (0.5 if n < 2 else -0.5) * a + (0.5 if n % 2 == 0 else -0.5) * b, 0.0)
+        area += (0.5 if n == 0 or n == 3 else -0.5) * s * s
+    share = min(area / (a * b), 1.0)
+    return share if share >= SHUT else 0.0
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def lay(
-    region: NDArray[np.int64], top: int, number: int, centers: Array, x_faces: Array, y_faces: Array, slope_x: Array,
-    slope_y: Array, metrics: Metrics, openness: Openness,
+    region: NDArray[np.int64], top: int, number: int, corners: Array, centers: Array, slope_x: Array, slope_y: Array,
+    metrics: Metrics, openness: Openness,
 ) -> None:  # fmt: skip
     """Set what the bed leaves open in an index box; from layer `top` on all is open.
 
     The openness before sharpening (`ax`, `ay`, `az`) belongs to the solids alone and is left as it is.
     """
     j0, j1, k0, k1, i0, i1 = region
-    bx, by, bz = openness.bx, openness.by, openness.bz
+    bx, by, bz = openness.bx, openness.by, openness.bz  # Numba drops writes through a tuple inside prange
     sx, sy, sz = openness.sx, openness.sy, openness.sz
     distance, nearest = openness.distance, openness.nearest
     for j in prange(j0, j1):
@@ -243,12 +279,11 @@ def lay(
                     bx[j, k, i] = by[j, k, i] = bz[j, k, i] = 1.0
                     distance[j, k, i], nearest[j, k, i] = FAR, -1
                     continue
-                gx, gy, z = slope_x[j, i], slope_y[j, i], centers[j, i]
-                bx[j, k, i] = _share(high, x_faces[j, i], dz)
-                by[j, k, i] = _share(high, y_faces[j, i], dz)
-                half = max(0.5 * (abs(gx) * metrics.dx[i] + abs(gy) * metrics.dy[j]), 0.25 * dz)
-                value = ramp((low - z) / half)
-                bz[j, k, i] = value if value >= SHUT else 0.0
+                gx, gy, z, corner = slope_x[j, i], slope_y[j, i], centers[j, i], (high - corners[j, i]) / dz
+                bx[j, k, i] = _upright_share(corner, (high - corners[j + 1, i]) / dz)
+                by[j, k, i] = _upright_share(corner, (high - corners[j, i + 1]) / dz)
+                a, b = max(abs(gx) * metrics.dx[i], STEEP * dz), max(abs(gy) * metrics.dy[j], STEEP * dz)
+                bz[j, k, i] = _level_share(low - z, a, b)
                 distance[j, k, i] = (metrics.zc[k] - z) / math.sqrt(1.0 + gx * gx + gy * gy)
                 nearest[j, k, i] = number
 
