@@ -1,7 +1,7 @@
 """A given bed: a terrain at rest in the world, through which the grid moves, as one more thing that closes faces.
 
 Faces are open by the share of their area above the bed, which is taken as straight between the corners of the columns
-of cells. A flat bed is then exact wherever it lies in a cell, and a uniform flow along a plane one is free of divergence.
+of cells. A flat bed is then exact wherever it lies in a cell, and a uniform flow along a plane one has no divergence.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Cartesian, mildly stretched grid of the flow solver.
 
 Grid axes: x forward, y left, z up from the world's z = 0, origin below the vehicle's reference point; the grid may
-translate and yaw over the bed. Arrays are ordered [j, k, i] (y, z, x; x fastest) and carry `HALO` cells on every side. A velocity
-component is stored on the low face of its cell.
+translate and yaw over the bed. Arrays are ordered [j, k, i] (y, z, x; x fastest) and carry `HALO` cells on every side.
+A velocity component is stored on the low face of its cell.
 """
 
 from __future__ import annotations
@@ -44,7 +44,9 @@ class Metrics(NamedTuple):
 
 @dataclass(frozen=True)
 class Grid:
-    """Window of the flow: faces along x, y and z [m], each increasing; z starts at or below the lowest bed (flat: z = 0).
+    """Window of the flow: faces along x, y and z [m], each increasing.
+
+    z starts at the bed, z = 0; with a given bed at or below its lowest point.
 
     Raises
     ------

@@ -282,7 +282,8 @@ class FlowSolver:
             )  # fmt: skip
         if s.closure is not None:
             bounds = turbulence.Walls(
-                openness._replace(distance=self.bodies.distance, nearest=self.bodies.nearest), placed.position, placed.velocity, placed.rate + placed.spin, self._friction * s.wall_shear,
+                openness._replace(distance=self.bodies.distance, nearest=self.bodies.nearest), placed.position,
+                placed.velocity, placed.rate + placed.spin, self._friction * s.wall_shear,
                 -1.0 if s.bed_roughness is None else s.bed_roughness,
             )  # fmt: skip
             s.closure.update(
@@ -323,8 +324,8 @@ class FlowSolver:
         # pressure
         np.multiply(old.phi, dt / old.phi_dt, out=new.phi)
         pressure.assemble(
-            *out, fraction, new.wet, openness, self._bed is not None, m, dt, self.water.depth, s.closest_surface, s.void_stiffness,
-            self._wet, *self._theta, self.levels.levels[0], self.levels.rhs,
+            *out, fraction, new.wet, openness, self._bed is not None, m, dt, self.water.depth, s.closest_surface,
+            s.void_stiffness, self._wet, *self._theta, self.levels.levels[0], self.levels.rhs,
         )  # fmt: skip
         solved = pressure.solve(self.levels, new.phi, m, dt, self._wet, s.tolerance, s.iterations, s.closed_top)
         if not solved.converged and not solved.residual < 1e3 * s.tolerance:
@@ -599,6 +600,11 @@ class FlowSolver:
         counted = np.arange(len(z) - 1)[:, None] >= lowest[:, None]
         level = z[lowest] + np.einsum("jki,k->ji", np.where(counted, self.fraction, 0.0), np.diff(z))
         return np.maximum(level, heights)
+
+    @property
+    def has_given_bed(self) -> bool:
+        """Whether the bed is other than the window's lowest face."""
+        return self._bed is not None
 
     def bed_height(self) -> Array:
         """Height of the bed below the middle of each column [m], shape (ny, nx)."""

@@ -1,8 +1,8 @@
 """A given bed: still water over it, currents, waves over slope and step, and bodies near it.
 
 Limits: speed in still water 1e-4 m/s, 1e-3 m/s where the bed emerges, volume 1e-5; a current along the contours 1e-5;
-periods 0.5 % over a level bed within a cell and 1 % over a slope; reflection from a step 3 % of the incident wave; dip of
-a current over a hump 5 %; Archimedes 1 % near a slope, 2 % sunk into it.
+periods 0.5 % over a level bed within a cell and 1 % over a slope; reflection from a step 3 % of the incident wave; dip
+of a current over a hump 5 %; Archimedes 1 % near a slope, 2 % sunk into it.
 """
 
 from __future__ import annotations
@@ -280,10 +280,13 @@ def sunk_lift(terrain: Terrain, lowest: float, sunk: float, x: float = 0.004) ->
 
 
 def bodies_near() -> list[Check]:
-    """A box over a slope, clear of it and a cell above it, and wheels sunk into level and sloping beds."""
+    """A box over a slope, clear of it and close above it, and wheels sunk into level and sloping beds.
+
+    The box's draught is two cells or more: a cell and a half costs 1.1 % over a flat bed too.
+    """
     checks = []
     slope = Terrain(height=0.01, slope_x=0.1, slope_y=0.05)
-    for height, yaw in ((0.173, 0.0), (0.15, 0.5), (0.125, 0.3)):
+    for height, yaw in ((0.16, 0.0), (0.15, 0.5), (0.125, 0.3)):
         lift, expected = lift_over(slope, -0.08, height, yaw)
         place = f"box at z {1e3 * height:g} mm over a slope"
         checks.append(relative(f"lift, {place}", lift, expected, 0.01, "N"))
