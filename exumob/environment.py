@@ -264,7 +264,7 @@ class Water:
     Parameters
     ----------
     depth : float
-        Still-water depth above z = 0 [m], > 0.
+        Still-water depth above z = 0 [m], > 0: the still level is z = depth, wherever a given bed lies.
     current_speed : float
         Speed of the undisturbed flow over ground [m/s], >= 0.
     current_direction : float

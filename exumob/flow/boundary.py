@@ -144,8 +144,12 @@ def relax_velocity(u: Array, v: Array, w: Array, far: Array, rates: Rates, dt: f
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def relax_level(fraction: Array, level: float, rates: Rates, dt: float, metrics: Metrics, added: Array) -> None:
+def relax_level(
+    fraction: Array, level: float, bed: Array, rates: Rates, dt: float, metrics: Metrics, added: Array
+) -> None:
     """Draw the level of whole columns towards still water: fill the lowest gap or drain the top, cell after cell.
+
+    A column begins with the cell that holds the bed; where this lies above still water, the column is drained.
 
     Parameters
     ----------
@@ -153,6 +157,8 @@ def relax_level(fraction: Array, level: float, rates: Rates, dt: float, metrics:
         [-]
     level : float
         Of still water [m].
+    bed : array, shape (ny, nx)
+        Height of the bed [m].
     rates : Rates
         The larger of the two sides' counts.
     added : array, shape (ny,), changed
@@ -165,20 +171,23 @@ def relax_level(fraction: Array, level: float, rates: Rates, dt: float, metrics:
             rate = max(rates.x[i], rates.y[j])
             if rate <= 0.0:
                 continue
-            height = 0.0
-            for k in range(HALO, nz - HALO):
+            lowest = HALO
+            while lowest < nz - HALO - 1 and metrics.zf[lowest + 1] <= bed[j, i]:
+                lowest += 1
+            height = metrics.zf[lowest]
+            for k in range(lowest, nz - HALO):
                 height += fraction[j, k, i] * metrics.dz[k]
-            change = (level - height) * (1.0 - 1.0 / (1.0 + rate * dt))
+            change = (max(level, metrics.zf[lowest]) - height) * (1.0 - 1.0 / (1.0 + rate * dt))
             volume += change * metrics.dx[i] * metrics.dy[j]
             if change > 0.0:
-                for k in range(HALO, nz - HALO):
+                for k in range(lowest, nz - HALO):
                     taken = min(change, max(1.0 - fraction[j, k, i], 0.0) * metrics.dz[k])
                     fraction[j, k, i] += taken / metrics.dz[k]
                     change -= taken
                     if change <= 0.0:
                         break
             else:
-                for k in range(nz - HALO - 1, HALO - 1, -1):
+                for k in range(nz - HALO - 1, lowest - 1, -1):
                     taken = min(-change, fraction[j, k, i] * metrics.dz[k])
                     fraction[j, k, i] -= taken / metrics.dz[k]
                     change += taken

@@ -13,6 +13,7 @@ import xarray as xr
 from exumob.checks import require_positive
 from exumob.environment import Water
 from exumob.errors import SimulationError, SimulationInterrupted
+from exumob.flow.bed import lowest_bed
 from exumob.flow.body import Poses
 from exumob.flow.captive_checks import check_motion, checked_solids, front_wheel_angles, whole_multiple
 from exumob.flow.grid import HALO, Grid
@@ -22,6 +23,7 @@ from exumob.flow.solver import FlowSolver
 from exumob.provenance import parameters_json, provenance
 from exumob.smoothing import smoothed, window_samples
 from exumob.states import BODIES, WHEELS, Array
+from exumob.terrain import Terrain
 from exumob.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
@@ -71,6 +73,7 @@ def captive_run(
     on_snapshot: Callable[[FlowSolver, Poses], None] | None = None,
     allow_coarse: bool = False,
     progress: Callable[[float], None] | None = None,
+    terrain: Terrain | None = None,
 ) -> xr.Dataset:
     """Move a vehicle on a prescribed path through water and return the loads on its bodies.
 
@@ -105,6 +108,9 @@ def captive_run(
         Warn instead of refusing when `check_resolution` finds the cells too coarse: for a quick look.
     progress : callable, optional
         Called with the time reached [s] after each interval.
+    terrain : Terrain, optional
+        The bed below the water; default flat at z = 0. The motion is prescribed and does not follow it:
+        `CaptiveMotion` keeps the wheels on z = 0.
 
     Returns
     -------
@@ -133,9 +139,9 @@ def captive_run(
             "give a longer duration or a shorter ramp_time.", motion.ramp_time, duration,
         )  # fmt: skip
     if grid is None:
-        grid = captive_grid(vehicle, cell_size, water)
+        grid = captive_grid(vehicle, cell_size, water, terrain, _way(motion, vehicle, water, duration))
     solids = checked_solids(vehicle, grid, steering_range, allow_coarse)
-    solver = FlowSolver(grid, solids, water, settings)
+    solver = FlowSolver(grid, solids, water, settings, terrain)
     began = clock.perf_counter()
     poses = motion.poses(vehicle, water, 0.0)
     solver.start(poses)
@@ -146,6 +152,8 @@ def captive_run(
             "vehicle": vehicle, "water": water, "motion": motion, "grid": grid, "settings": settings,
             "steps": {"duration": duration, "interval": interval, "snapshots": snapshots},
         }  # fmt: skip
+        if terrain is not None:
+            parameters["terrain"] = terrain
         return record.dataset(interval) .assign_attrs(
             provenance() | {
                 "title": f"exumob captive run of {vehicle.name}",
@@ -177,7 +185,17 @@ def captive_run(
     return result("completed")
 
 
-def captive_grid(vehicle: Vehicle, cell_size: float, water: Water) -> Grid:
+def _way(motion: PrescribedMotion, vehicle: Vehicle, water: Water, duration: float) -> Array:
+    """Places of the window during a run: hull's x, y [m] and heading [rad], shape (n, 3)."""
+    poses = [motion.poses(vehicle, water, time) for time in np.linspace(0.0, duration, 101)]
+    return np.array(
+        [[*p.position[0, :2], math.atan2(p.rotation[0, 1, 0], p.rotation[0, 0, 0])] for p in poses]
+    )  # fmt: skip
+
+
+def captive_grid(
+    vehicle: Vehicle, cell_size: float, water: Water, terrain: Terrain | None = None, frames: Array | None = None
+) -> Grid:
     """Window of a captive run: that of `Grid.around_vehicle`, in proportion to the hull's length.
 
     Parameters
@@ -187,12 +205,25 @@ def captive_grid(vehicle: Vehicle, cell_size: float, water: Water) -> Grid:
         Round the vehicle [m].
     water : Water
         The window is at least three and a half times as high as it is deep.
+    terrain : Terrain, optional
+        The bed: the window starts a cell below the lowest one on its way (at a flat one).
+    frames : array, shape (n, 3), optional
+        Places on that way: x, y [m] and heading [rad] of the hull. Default: the world's origin.
     """
     require_positive("captive_run", cell_size=cell_size)
     scale = max(vehicle.hull.length, vehicle.wheelbase + vehicle.wheel.diameter)
+    ahead, behind, aside = 1.8 * scale, 2.4 * scale, 1.8 * scale
+    bottom = 0.0
+    if terrain is not None and terrain.is_flat:
+        bottom = terrain.height
+    elif terrain is not None:
+        margin = 0.1 * scale  # of the outermost cells, which may reach beyond these sides
+        corners = np.array([-behind - margin, -aside - margin]), np.array([ahead + margin, aside + margin])
+        frames = np.zeros((1, 3)) if frames is None else frames
+        bottom = lowest_bed(terrain, frames, *corners, spacing=0.1) - cell_size
     return Grid.around_vehicle(
-        vehicle, cell_size, ahead=1.8 * scale, behind=2.4 * scale, aside=1.8 * scale,
-        top=max(0.42 * scale, 3.5 * water.depth),
+        vehicle, cell_size, ahead=ahead, behind=behind, aside=aside, top=max(0.42 * scale, 3.5 * water.depth),
+        bottom=bottom,
     )  # fmt: skip
 
 
@@ -316,12 +347,12 @@ def _quaternions(rotation: Array) -> Array:
 def surface_elevation(solver: FlowSolver) -> Array:
     """Free surface above the still level [m], single precision, shape (ny, nx); NaN where a solid pierces it.
 
-    Under an overhang (a raked bow, a hull out of the water) it is the surface beneath; over a solid under water, the
-    surface above.
+    NaN also where a given bed is dry. Under an overhang (a raked bow, a hull out of the water) it is the surface
+    beneath; over a solid under water, the surface above.
     """
     widths = np.diff(solver.grid.z_faces)
     fraction = solver.fraction
-    solid = solver.openness.distance[HALO:-HALO, HALO:-HALO, HALO:-HALO] < 0.0
+    solid = solver.bodies.distance[HALO:-HALO, HALO:-HALO, HALO:-HALO] < 0.0
     water = np.where(solid, 0.0, fraction) * widths[:, None]
     nz = len(widths)
     here = solid.any(axis=1)
@@ -331,7 +362,11 @@ def surface_elevation(solver: FlowSolver) -> Array:
     below = np.where(levels < lowest[:, None], water, 0.0).sum(axis=1)
     beneath = np.take_along_axis(fraction, np.maximum(lowest - 1, 0)[:, None], axis=1)[:, 0]
     dry = (lowest > 0) & (beneath < 0.5)
-    height = np.where(here, np.where(dry, below, np.nan), water.sum(axis=1))
+    surface = solver.surface_height()
+    if solver.has_given_bed:
+        surface[surface - solver.bed_height() < 1e-3 * widths.min()] = np.nan
+    below += float(solver.grid.z_faces[0])
+    height = np.where(here, np.where(dry, below, np.nan), surface)
     over = solver.grid.z_faces[np.minimum(highest + 1, nz)] + above
     height = np.where(here & (above > 0.5 * widths[np.minimum(highest + 1, nz - 1)]), over, height)
     return (height - solver.water.depth).astype(np.float32)

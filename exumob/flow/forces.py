@@ -28,26 +28,31 @@ def _add(load: Array, x: float, y: float, z: float, fx: float, fy: float, fz: fl
 @njit(cache=True, error_model="numpy")
 def pressure_loads(
     phi: Array, fraction: Array, wet: NDArray[np.uint8], solids: Openness, regions: NDArray[np.int64],
-    position: Array, density: float, level: float, dt: float, soil: bool, metrics: Metrics, loads: Array,
+    position: Array, density: float, level: float, dt: float, soil: bool, bed: Array, metrics: Metrics,
+    loads: Array,
 ) -> None:  # fmt: skip
     """Sum over cells of pressure times what the low face is more open than the high face, per solid.
 
     The piezometric part acts on the faces as the flow sees them, the weight of still water on those whose edges are not
     sharpened: it is then free of the half cell by which sharpening moves walls at edges.
 
-    Cells of the halo below the bed hold saturated soil with hydrostatic pressure, so that a wheel sunk into it
-    floats as Archimedes says.
+    Cells below the bed, those of the halo below the window too, hold saturated soil with hydrostatic pressure, so that
+    a wheel sunk into it floats as Archimedes says.
 
     Parameters
     ----------
     phi : array
         dt times piezometric pressure over density [m^2/s].
+    solids : Openness
+        Of the solids alone, without a given bed.
     regions : array of int, shape (n, 6)
         Index boxes of the solids.
     position : array, shape (n, 3)
         Their origins, grid axes [m].
     soil : bool
         Whether the pressure goes on below the bed.
+    bed : array, shape (ny, nx)
+        Height of the bed [m].
     loads : array, shape (n, 6), changed
         Force [N] and moment about the origins [N m], grid axes.
     """
@@ -70,7 +75,11 @@ def pressure_loads(
                         continue
                     z = metrics.zc[k]
                     weight, flow = density * GRAVITY * (level - z), 0.0  # of still water, and what moves it
-                    if k >= HALO:
+                    above = min(max((metrics.zf[k + 1] - bed[j, i]) / metrics.dz[k], 0.0), 1.0)
+                    if above < 0.5 and k >= HALO:
+                        weight = density * GRAVITY * _still_pressure(level, z, metrics.dz[k])
+                        flow = density * phi[j, k, i] / dt if wet[j, k, i] else 0.0
+                    elif k >= HALO:
                         if wet[j, k, i]:
                             flow = density * phi[j, k, i] / dt
                             if wet[j, k + 1, i] == 0 and fraction[j, k, i] < 1.0:
@@ -79,10 +88,20 @@ def pressure_loads(
                             weight = surface_excess(fraction[j, k, i]) * density * GRAVITY * metrics.dz[k]
                         else:
                             continue
+                    if k >= HALO and above < 1.0:
+                        flow *= above
+                        weight *= 1.0 if soil else above
                     _add(
                         loads[n], metrics.xc[i] - position[n, 0], metrics.yc[j] - position[n, 1], z - position[n, 2],
                         -weight * ax - flow * bx, -weight * ay - flow * by, -weight * az - flow * bz,
                     )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _still_pressure(level: float, z: float, dz: float) -> float:
+    """Mean head [m] of still water at `level` over a cell at z, `dz` high [m]."""
+    c = min(max((level - z) / dz + 0.5, 0.0), 1.0)
+    return max(level - z, 0.0) if c == 1.0 else 0.5 * c * c * dz
 
 
 @njit(cache=True, error_model="numpy", inline="always")

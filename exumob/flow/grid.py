@@ -1,8 +1,8 @@
 """Cartesian, mildly stretched grid of the flow solver.
 
-Grid axes: x forward, y left, z up, origin on the bed below the vehicle's reference point; the grid may translate and
-yaw over the bed. Arrays are ordered [j, k, i] (y, z, x; x fastest) and carry `HALO` cells on every side. A velocity
-component is stored on the low face of its cell.
+Grid axes: x forward, y left, z up from the world's z = 0, origin below the vehicle's reference point; the grid may
+translate and yaw over the bed. Arrays are ordered [j, k, i] (y, z, x; x fastest) and carry `HALO` cells on every side.
+A velocity component is stored on the low face of its cell.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from exumob.states import Array
 from exumob.vehicle import Vehicle
 
 HALO = 2
-"""Cells beyond the window on every side. Those below the bed hold saturated soil when forces are summed."""
+"""Cells beyond the window on every side. Those below it hold saturated soil when forces are summed."""
 
 
 class Metrics(NamedTuple):
@@ -44,13 +44,14 @@ class Metrics(NamedTuple):
 
 @dataclass(frozen=True)
 class Grid:
-    """Window of the flow: faces along x, y and z [m], each increasing; z starts at the bed, z = 0.
+    """Window of the flow: faces along x, y and z [m], each increasing.
+
+    z starts at the bed, z = 0; with a given bed at or below its lowest point.
 
     Raises
     ------
     ValueError
-        If faces do not increase, neighbouring widths differ by more than 15 %, an axis has fewer than 4 cells, or the
-        lowest z face is not the bed.
+        If faces do not increase, neighbouring widths differ by more than 15 %, or an axis has fewer than 4 cells.
     """
 
     x_faces: Array
@@ -72,8 +73,6 @@ class Grid:
                     "below 15 % (better 4 %): the pressure solver slows down and waves reflect."
                 )
             object.__setattr__(self, name, faces)
-        if abs(self.z_faces[0]) > 1e-9:
-            raise ValueError(f"Grid.z_faces[0] = {self.z_faces[0]} m must be 0: the lowest face is the bed.")
 
     @classmethod
     def uniform(cls, low: ArrayLike, high: ArrayLike, cell_size: float | ArrayLike) -> Grid:
@@ -114,7 +113,7 @@ class Grid:
     @classmethod
     def around_vehicle(
         cls, vehicle: Vehicle, cell_size: float = 0.018, *, ahead: float = 1.8, behind: float = 2.4, aside: float = 1.8,
-        top: float = 0.42, growth: float = 1.035,
+        top: float = 0.42, growth: float = 1.035, bottom: float = 0.0,
     ) -> Grid:  # fmt: skip
         """Window round a vehicle's hull: cubic cells where its bodies are, growing outwards.
 
@@ -126,9 +125,11 @@ class Grid:
         ahead, behind, aside : float
             From the hull's reference point to the window's sides [m].
         top : float
-            Height of the window above the bed [m]; three times the depth or more.
+            Of the window above z = 0 [m]; three times the depth or more.
         growth : float
             Ratio of neighbouring widths outside the core [-].
+        bottom : float
+            Lowest face [m]: the bed, or the lowest bed on the window's way if that is given.
         """
         hull, wheel = vehicle.hull, vehicle.wheel
         middle = hull.center_x - hull.center_of_mass_x
@@ -142,8 +143,8 @@ class Grid:
                 f"the vehicle with its margin ({front:.2f}, {-rear:.2f}, {side:.2f} m)."
             )
         return cls.stretched(
-            (rear, -side, 0.0), (front, side, min(0.24, top)), (-behind, -aside, 0.0), (ahead, aside, top), cell_size,
-            growth,
+            (rear, -side, bottom), (front, side, min(0.24, top)), (-behind, -aside, bottom), (ahead, aside, top),
+            cell_size, growth,
         )  # fmt: skip
 
     @property

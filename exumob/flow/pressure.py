@@ -148,9 +148,9 @@ def _add_surface(
 
 @njit(cache=True, error_model="numpy")
 def _assemble_row(
-    j: int, u: Array, v: Array, w: Array, fraction: Array, wet: NDArray[np.uint8], solids: Openness, metrics: Metrics,
-    dt: float, level: float, closest: float, stiffness: float, spans: Spans, tx: Array, ty: Array, tz: Array,
-    couplings: Level, rhs: Array,
+    j: int, u: Array, v: Array, w: Array, fraction: Array, wet: NDArray[np.uint8], solids: Openness, given_bed: bool,
+    metrics: Metrics, dt: float, level: float, closest: float, stiffness: float, spans: Spans, tx: Array, ty: Array,
+    tz: Array, couplings: Level, rhs: Array,
 ) -> None:  # fmt: skip
     """Row j of `assemble`."""
     ny, nz, nx = fraction.shape
@@ -177,7 +177,9 @@ def _assemble_row(
         _couple(a2, by, full, first, sy, count, dz / metrics.ey[j])
         _couple(a3, bz, full, first, sz, count, dy / metrics.ez[k])
         s1[:count] = 0.0
-        _add_passing(s1, v.ravel(), by, solids.sy.ravel(), first, sy, count, dz, front, back)
+        _add_passing(
+            s1, v.ravel(), by, solids.sy.ravel(), first, sy, count, dz, front and not given_bed, back and not given_bed
+        )
         _add_passing(s1, w.ravel(), bz, solids.sz.ravel(), first, sz, count, dy, bed, roof)
         for n in range(count):
             m = U(n)
@@ -187,9 +189,9 @@ def _assemble_row(
             s1[m] *= dx[m]
             e1[m] = 0.0
         _add_passing(s1, u.ravel(), bx, solids.sx.ravel(), first, one, count, dy * dz, False, False)
-        if lo == HALO:
+        if lo == HALO and not given_bed:
             s1[0] += dy * dz * (1.0 - solids.bx[j, k, lo]) * (u[j, k, lo] - solids.sx[j, k, lo])
-        if hi == nx - HALO:
+        if hi == nx - HALO and not given_bed:
             s1[count - 1] -= dy * dz * (1.0 - solids.bx[j, k, hi]) * (u[j, k, hi] - solids.sx[j, k, hi])
         emptying = EMPTYING / dt * dy * dz
         for n in range(count):
@@ -223,9 +225,9 @@ def _assemble_row(
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def assemble(
-    u: Array, v: Array, w: Array, fraction: Array, wet: NDArray[np.uint8], solids: Openness, metrics: Metrics,
-    dt: float, level: float, closest: float, stiffness: float, spans: Spans, tx: Array, ty: Array, tz: Array,
-    couplings: Level, rhs: Array,
+    u: Array, v: Array, w: Array, fraction: Array, wet: NDArray[np.uint8], solids: Openness, given_bed: bool,
+    metrics: Metrics, dt: float, level: float, closest: float, stiffness: float, spans: Spans, tx: Array, ty: Array,
+    tz: Array, couplings: Level, rhs: Array,
 ) -> None:  # fmt: skip
     """Couplings and right-hand side of the pressure equation.
 
@@ -233,6 +235,8 @@ def assemble(
     ----------
     u, v, w : array
         Velocity before the projection [m/s].
+    given_bed : bool
+        Whether a bed closes part of the window's sides; solids stay away from them.
     level : float
         Height at which the piezometric pressure of air is 0: still water [m].
     closest : float
@@ -250,8 +254,8 @@ def assemble(
     """
     for j in prange(HALO, fraction.shape[0] - HALO):
         _assemble_row(
-            j, u, v, w, fraction, wet, solids, metrics, dt, level, closest, stiffness, spans, tx, ty, tz, couplings,
-            rhs,
+            j, u, v, w, fraction, wet, solids, given_bed, metrics, dt, level, closest, stiffness, spans, tx, ty, tz,
+            couplings, rhs,
         )  # fmt: skip
 
 

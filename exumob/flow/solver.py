@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from exumob.environment import GRAVITY, Water
 from exumob.errors import SimulationError
-from exumob.flow import advection, boundary, extension, forces, interface, pressure, spans, tread, turbulence, wall
+from exumob.flow import advection, bed, boundary, extension, forces, interface, pressure, spans, tread, turbulence, wall
 from exumob.flow.body import Openness, Poses, Solid, clear, index_region, place_solid
 from exumob.flow.grid import HALO, Grid
 from exumob.flow.settings import FlowSettings
 from exumob.flow.spans import Spans
 from exumob.flow.state import FlowState, Loads, Placed, StepReport, interpolate
 from exumob.states import Array
+from exumob.terrain import Terrain
 
 log = logging.getLogger(__name__)
 
@@ -31,7 +32,7 @@ CALM_STEPS = 100
 
 
 class FlowSolver:
-    """Incompressible flow with a free surface round n solids (paper Eqs. 1-2; flat bed at z = 0).
+    """Incompressible flow with a free surface round n solids (paper Eqs. 1-2), over a flat or a given bed.
 
     Call `start` once with the solids' poses, then `advance` with the poses at the end of each interval.
 
@@ -41,16 +42,35 @@ class FlowSolver:
         Window in the axes of the followed solid (or of the world).
     solids : sequence of Solid
     water : Water
-        Depth, current and density.
+        Depth above z = 0 (that is the still level, wherever the bed lies), current and density.
     settings : FlowSettings
+    terrain : Terrain, optional
+        The bed, in the world's axes; left out, it is flat at z = 0. It may lie below and above z = 0, and emerge; the
+        grid must start at or below the lowest bed on its way. With a current the bed must be level at the far sides,
+        or level along the current (`exumob.flow.bed.Bed.check_water`).
+
+    Attributes
+    ----------
+    openness, bodies : Openness
+        What bed and solids leave open, and what the solids alone do (the same object without a given bed).
     """
 
-    def __init__(self, grid: Grid, solids: Sequence[Solid], water: Water, settings: FlowSettings | None = None) -> None:
+    def __init__(
+        self,
+        grid: Grid,
+        solids: Sequence[Solid],
+        water: Water,
+        settings: FlowSettings | None = None,
+        terrain: Terrain | None = None,
+    ) -> None:
         """Allocate; see the class."""
         self.grid, self.solids, self.water = grid, tuple(solids), water
         self.settings = settings = settings or FlowSettings()
         self.metrics = grid.metrics
-        top = float(grid.z_faces[-1])
+        top, bottom = float(grid.z_faces[-1]), float(grid.z_faces[0])
+        self._bed = _given_bed(grid, terrain, len(self.solids), settings)
+        if self._bed is None and water.depth <= bottom:
+            raise ValueError(f"Water.depth = {water.depth} m does not reach the bed at z = {bottom:g} m; raise it.")
         if water.depth > top - (0.0 if settings.closed_top else 2.0 * grid.smallest_width):
             raise ValueError(
                 f"Water.depth = {water.depth} m does not fit a window {top:g} m high; raise Grid.z_faces to at least "
@@ -66,7 +86,11 @@ class FlowSolver:
         count = len(settings.closure.fields) if settings.closure is not None else 0
         self._state, self._next = FlowState.zeros(shape, count), FlowState.zeros(shape, count)
         self._start_closure()
-        self.openness = Openness.open(shape)
+        self.openness = self.bodies = Openness.open(shape)
+        if self._bed is not None:
+            alone = self.bodies
+            self.openness = Openness.open(shape)._replace(ax=alone.ax, ay=alone.ay, az=alone.az)
+        self._bed_heights = np.full((shape[0], shape[2]), bottom) if self._bed is None else self._bed.heights
         self.levels = pressure.Levels(shape)
         self._flow = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self._change = np.zeros(shape), np.zeros(shape), np.zeros(shape)
@@ -85,12 +109,14 @@ class FlowSolver:
         self._friction = np.array([s.friction for s in self.solids])
         self._treads = tread.tread_table(self.solids)
         self._regions = np.zeros((len(self.solids), 6), dtype=np.int64)
-        self._box: tuple[slice, ...] = (slice(0, 0),) * 3  # round all solids
+        self._walls = self._regions  # with a given bed: one row more
+        self._box: tuple[slice, ...] = (slice(0, 0),) * 3  # round all solids and a given bed
         self._poses: Poses | None = None
 
     def _absorbing_rates(self) -> boundary.Rates:
         s, m = self.settings, self.metrics
-        largest = s.absorbing_strength * math.sqrt(GRAVITY * self.water.depth) / s.absorbing_width
+        depth = max(self.water.depth - float(self.grid.z_faces[0]), self.water.depth)
+        largest = s.absorbing_strength * math.sqrt(GRAVITY * depth) / s.absorbing_width
 
         def rates(far: bool, places: Array, faces: Array) -> Array:
             inside = np.minimum(places - faces[0], faces[-1] - places)
@@ -120,6 +146,8 @@ class FlowSolver:
         self._start_closure()
         self._poses = poses
         self._place(poses, state.frame)
+        if self._bed is not None:
+            self._bed.check_water(self.water, far, self._far_zone(), start=True)
         self._fill(state, far)
         self._complete_velocity(state)
         self.loads = Loads(*(np.zeros((len(self.solids), 6)) for _ in range(3)))
@@ -238,10 +266,12 @@ class FlowSolver:
         faces = (openness.bx, openness.by, openness.bz)
         fraction = new.fraction
         fraction[:] = old.fraction
-        interface.release_surface(
+        interface.release_surface(  # not of the bed: it is at rest like the water, whatever the grid does
             fraction, self._scratch, openness, regions, placed.position, placed.velocity, placed.rate, drift, dt, m
         )  # fmt: skip
         interface.refill_solids(fraction, openness.distance, regions, m, s.refill_depth)
+        if self._bed is not None:
+            self._bed.refill(fraction, openness)
         self._fill_fraction(fraction)
         self._find_water(new)
 
@@ -253,12 +283,13 @@ class FlowSolver:
                 out[axis], velocity[axis], self._flow, new.wet, faces[axis], axis, dt, self._active, m
             )  # fmt: skip
         if s.closure is not None:
-            walls = turbulence.Walls(
-                openness, placed.position, placed.velocity, placed.rate + placed.spin, self._friction * s.wall_shear,
+            bounds = turbulence.Walls(
+                openness._replace(distance=self.bodies.distance, nearest=self.bodies.nearest), placed.position,
+                placed.velocity, placed.rate + placed.spin, self._friction * s.wall_shear,
                 -1.0 if s.bed_roughness is None else s.bed_roughness,
             )  # fmt: skip
             s.closure.update(
-                self._viscosity, old.turbulence, new.turbulence, *velocity, self._flow, new.wet, walls, self._active,
+                self._viscosity, old.turbulence, new.turbulence, *velocity, self._flow, new.wet, bounds, self._active,
                 self._near, dt, s.viscosity, m,
             )  # fmt: skip
         if s.closure is not None or s.viscosity > 0.0:
@@ -279,7 +310,12 @@ class FlowSolver:
                 self.water.density, dt, m, loads[1],
             )  # fmt: skip
             forces.add_and_clear(out, self._change, regions)
-        if s.bed_roughness is not None:
+        if s.bed_roughness is not None and self._bed is not None:
+            bed.shear(
+                out, old.u, old.v, fraction, faces[:2], self._bed.heights, int(self._bed.region[3]), s.bed_roughness,
+                s.viscosity, dt, m,
+            )  # fmt: skip
+        elif s.bed_roughness is not None:
             wall.bed_shear(
                 out, old.u, old.v, fraction, new.wet, faces[:2], s.bed_roughness, s.viscosity, dt, m
             )  # fmt: skip
@@ -290,8 +326,8 @@ class FlowSolver:
         # pressure
         np.multiply(old.phi, dt / old.phi_dt, out=new.phi)
         pressure.assemble(
-            *out, fraction, new.wet, openness, m, dt, self.water.depth, s.closest_surface, s.void_stiffness,
-            self._wet, *self._theta, self.levels.levels[0], self.levels.rhs,
+            *out, fraction, new.wet, openness, self._bed is not None, m, dt, self.water.depth, s.closest_surface,
+            s.void_stiffness, self._wet, *self._theta, self.levels.levels[0], self.levels.rhs,
         )  # fmt: skip
         solved = pressure.solve(self.levels, new.phi, m, dt, self._wet, s.tolerance, s.iterations, s.closed_top)
         if not solved.converged and not solved.residual < 1e3 * s.tolerance:
@@ -304,9 +340,11 @@ class FlowSolver:
                 new.extended[axis], out[axis], new.wet, faces[axis], fraction, axis, far[axis], dt, self._near,
                 self._label,
             )  # fmt: skip
+        if self._bed is not None:
+            self._bed.stop(new.wet, openness, out, new.extended)
         boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
         advection.full_velocity(carrying, out, openness, self._near)
-        boundary.fill_velocity(*carrying, far, s.far_x, s.far_y, s.closed_top)
+        self._fill_carrying(carrying, far)
         advection.relative_velocity(self._flow, carrying, drift, self._near, m)
         advection.largest_courant(self._flow, fraction, m, self._near, self._rows)
         new.courant_rate = float(self._rows.max())
@@ -320,14 +358,14 @@ class FlowSolver:
             self._scratch, self._fill_fraction,
         )  # fmt: skip
         if s.far_x or s.far_y:
-            boundary.relax_level(fraction, self.water.depth, self._rates, dt, m, self._rows)
+            boundary.relax_level(fraction, self.water.depth, self._bed_heights, self._rates, dt, m, self._rows)
             new.volume_added = old.volume_added + float(np.sum(self._rows[HALO:-HALO]))
             self._fill_fraction(fraction)
 
         if len(self.solids):
             forces.pressure_loads(
-                new.phi, begin, new.wet, openness, regions, placed.position, self.water.density,
-                self.water.depth, dt, s.pore_pressure, m, loads[0],
+                new.phi, begin, new.wet, self.bodies, regions, placed.position, self.water.density,
+                self.water.depth, dt, s.pore_pressure, self._bed_heights, m, loads[0],
             )  # fmt: skip
             for n in range(len(self.solids)):
                 loads[:2, n, :3] = loads[:2, n, :3] @ placed.rotation[n]
@@ -372,34 +410,77 @@ class FlowSolver:
         velocity, rate = poses.velocity @ back.T, poses.angular_velocity @ back.T
         spin = rotation[:, :, 1] * poses.spin[:, None]
         margin = 4.0 * self.grid.smallest_width
-        for region in self._regions:
-            clear(self.openness, region)
+        before = self._regions.copy()
+        for region in before:
+            clear(self.bodies, region)
         for n, solid in enumerate(self.solids):
             self._regions[n] = index_region(self.metrics, solid, position[n], rotation[n], margin)
             self._check_inside(n, position[n], rotation[n])
         for n, solid in enumerate(self.solids):
             place_solid(
                 n, solid.kind, solid.parameters, solid.samples, position[n], np.ascontiguousarray(rotation[n]),
-                velocity[n], rate[n], self._regions[n], self.metrics, self.openness,
+                velocity[n], rate[n], self._regions[n], self.metrics, self.bodies,
                 1.0 if self.settings.sharp_edges else 0.0,
             )  # fmt: skip
         if len(self.solids):
             low, high = self._regions[:, ::2].min(axis=0), self._regions[:, 1::2].max(axis=0)
             self._box = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+        if self._bed is not None:
+            self._place_bed(self._bed, before, position, frame)
         self._placed = Placed(position, rotation, velocity, rate, spin)
         return self._placed
+
+    def _place_bed(self, given: bed.Bed, before: NDArray[np.int64], position: Array, frame: Array) -> None:
+        """Lay the bed below the grid, once the solids are in place, and join them; `before`: their last boxes."""
+        last = given.region.copy()
+        moved = given.survey(frame)
+        self._check_above(position)
+        for region in before:
+            given.lay(region, self.openness)
+        if moved:
+            last[3] = max(last[3], given.region[3])
+            given.lay(last, self.openness)
+            if self._state.steps > 0 and self.water.current_speed > 0.0:
+                given.check_water(self.water, self._far(frame[2]), self._far_zone(), start=False)
+        bed.join(self._regions, self.bodies, self.openness)
+        self._walls = np.vstack([self._regions, given.region])
+        low, high = self._walls[:, ::2].min(axis=0), self._walls[:, 1::2].max(axis=0)
+        self._box = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+
+    def _surfaces(self) -> tuple[NDArray[np.int64], Array, Array, Array]:
+        """Index boxes, origins, velocities and rates of the solids and, last, of a given bed, which is at rest."""
+        placed = self._placed
+        motion = placed.position, placed.velocity, placed.rate
+        if self._bed is None:
+            return (self._regions, *motion)
+        position, velocity, rate = (np.vstack([q, np.zeros(3)]) for q in motion)
+        return self._walls, position, velocity, rate
+
+    def _far_zone(self) -> NDArray[np.bool_]:
+        """Columns of the far field's absorbing zones."""
+        zone = np.maximum.outer(self._rates.y, self._rates.x) > 0.0
+        zone[:HALO], zone[-HALO:], zone[:, :HALO], zone[:, -HALO:] = False, False, False, False
+        return zone
+
+    def _fill_carrying(self, carrying: tuple[Array, Array, Array], far: Array) -> None:
+        s = self.settings
+        boundary.fill_velocity(*carrying, far, s.far_x, s.far_y, s.closed_top)
+        if self._bed is not None:
+            bed.close_sides(carrying, self.openness)
 
     def _blend(self, dt: float) -> Array:
         """Bring the faces hardly open of the present state to the slip velocity; loads on the solids, their axes."""
         old, placed = self._state, self._placed
-        loads = np.zeros((len(self.solids), 6))
-        if len(self.solids):
+        walls, position, velocity, rate = self._surfaces()
+        loads = np.zeros((len(walls), 6))
+        if len(walls):
             extension.blend(
-                old.velocity, old.extended, old.wet, self.openness, self._regions, placed.position, placed.velocity,
-                placed.rate, self.water.density, dt, self.metrics, loads,
+                old.velocity, old.extended, old.wet, self.openness, walls, position, velocity, rate,
+                self.water.density, dt, self.metrics, loads,
             )  # fmt: skip
-            for load, rotation in zip(loads, placed.rotation, strict=True):
-                load[:3], load[3:] = load[:3] @ rotation, load[3:] @ rotation
+        loads = loads[: len(self.solids)]
+        for load, rotation in zip(loads, placed.rotation, strict=True):
+            load[:3], load[3:] = load[:3] @ rotation, load[3:] @ rotation
         return loads
 
     def _find_water(self, state: FlowState) -> None:
@@ -424,12 +505,24 @@ class FlowSolver:
                     f"Grid.{'xy'[axis]}_faces."
                 )
         lowest = center[2] - extent[2]
+        bottom = float(self.grid.z_faces[0])
         if lowest < self.metrics.zf[1]:
             raise ValueError(
-                f"solid {n} reaches {-lowest:.3g} m below the bed, more than the grid can see "
-                f"({-self.metrics.zf[1]:.3g} m, "
+                f"solid {n} reaches {bottom - lowest:.3g} m below {'the bed' if self._bed is None else 'the window'}, "
+                f"more than the grid can see ({bottom - self.metrics.zf[1]:.3g} m, "
                 "one and a half cells); sinkage is too large or the cells too small."
             )
+
+    def _check_above(self, position: Array) -> None:
+        """Refuse a solid whose origin has sunk into a given bed."""
+        m = self.metrics
+        for n, x in enumerate(position):
+            i, j = int(np.searchsorted(m.xf, x[0])) - 1, int(np.searchsorted(m.yf, x[1])) - 1
+            if x[2] < self._bed_heights[j, i]:
+                raise ValueError(
+                    f"solid {n} lies in the bed: its origin is at z = {x[2]:.4g} m, the bed below it at "
+                    f"{self._bed_heights[j, i]:.4g} m; raise the solid, or lower the terrain there."
+                )
 
     def _fill_fraction(self, fraction: Array) -> None:
         boundary.fill_fraction(fraction, self._still, self.settings.far_x, self.settings.far_y)
@@ -441,14 +534,14 @@ class FlowSolver:
 
     def _complete_velocity(self, state: FlowState) -> None:
         """Extended and carrying velocity of a state that was set from outside."""
-        s, far = self.settings, self._far(state.frame[2])
+        far = self._far(state.frame[2])
         whole = Spans.padded(state.fraction.shape)
         state.lo[:], state.hi[:] = whole
         spans.mark_wet(state.fraction, state.wet, interface.EMPTY, self._wet, self._water)
         for e, q in zip(state.extended, state.velocity, strict=True):
             e[:] = q
         advection.full_velocity(state.carrying, state.velocity, self.openness, whole)
-        boundary.fill_velocity(*state.carrying, far, s.far_x, s.far_y, s.closed_top)
+        self._fill_carrying(state.carrying, far)
         advection.largest_courant(state.carrying, state.fraction, self.metrics, whole, self._rows)
         state.courant_rate = float(self._rows.max())
 
@@ -498,16 +591,37 @@ class FlowSolver:
         return np.where(s.wet[h:-h, h:-h, h:-h] == 1, self.water.density * gauge, 0.0)
 
     def surface_height(self) -> Array:
-        """Height of the water in each column [m], shape (ny, nx); inside solids without meaning."""
-        return np.einsum("jki,k->ji", self.fraction, np.diff(self.grid.z_faces))
+        """Height of the water's surface above z = 0 in each column [m], shape (ny, nx); in solids without meaning.
+
+        That of the bed where a given bed is dry.
+        """
+        if self._bed is None:
+            return float(self.grid.z_faces[0]) + np.einsum("jki,k->ji", self.fraction, np.diff(self.grid.z_faces))
+        heights, z = self.bed_height(), self.grid.z_faces
+        lowest = np.clip(np.searchsorted(z, heights, side="right") - 1, 0, len(z) - 2)
+        counted = np.arange(len(z) - 1)[:, None] >= lowest[:, None]
+        level = z[lowest] + np.einsum("jki,k->ji", np.where(counted, self.fraction, 0.0), np.diff(z))
+        return np.maximum(level, heights)
+
+    @property
+    def has_given_bed(self) -> bool:
+        """Whether the bed is other than the window's lowest face."""
+        return self._bed is not None
+
+    def bed_height(self) -> Array:
+        """Height of the bed below the middle of each column [m], shape (ny, nx)."""
+        return self._bed_heights[HALO:-HALO, HALO:-HALO].copy()
 
     def water_volume(self) -> float:
         """Water in the window outside solids [m^3]."""
-        h, o = HALO, self.openness
+        h, o = HALO, self.bodies
         share = (o.bx[:, :, :-1] + o.bx[:, :, 1:])[h:-h, h:-h, h : -h + 1] + (o.by[:-1] + o.by[1:])[
             h : -h + 1, h:-h, h:-h
         ]
         share = share + (o.bz[:, :-1] + o.bz[:, 1:])[h:-h, h : -h + 1, h:-h]
+        if self._bed is not None:
+            z = self.grid.z_faces[:, None]
+            share *= np.clip((z[1:] - self.bed_height()[:, None]) / np.diff(z, axis=0), 0.0, 1.0)
         return float(np.sum(self.fraction * share / 6.0 * self.grid.cell_volumes()))
 
     # -- save and restore -----------------------------------------------------------------------------------------
@@ -529,6 +643,26 @@ class FlowSolver:
         self._state.copy_from(FlowState(**{f.name: saved[f.name] for f in fields(FlowState)}))
         self._poses = Poses(**{f.name: saved[f"poses_{f.name}"].copy() for f in fields(Poses)})
         self._place(self._poses, self._state.frame)
+
+
+def _given_bed(grid: Grid, terrain: Terrain | None, number: int, settings: FlowSettings) -> bed.Bed | None:
+    """Bed of a terrain; None if it is the window's lowest face."""
+    bottom = float(grid.z_faces[0])
+    if terrain is None:
+        if abs(bottom) > 1e-9:
+            raise ValueError(
+                f"Grid.z_faces[0] = {bottom} m must be 0: the lowest face is the bed unless FlowSolver is given a "
+                "terrain."
+            )
+        return None
+    if terrain.is_flat and abs(terrain.height - bottom) <= 1e-9:
+        return None
+    if isinstance(settings.closure, turbulence.KOmegaSST) and settings.bed_roughness is not None:
+        raise ValueError(
+            "FlowSettings.bed_roughness: KOmegaSST knows the wall of a flat bed only; with a terrain let the bed slip "
+            "(bed_roughness=None), or use Smagorinsky."
+        )
+    return bed.Bed(terrain, grid, number)
 
 
 def _turn(yaw: float) -> Array:

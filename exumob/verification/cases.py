@@ -5,6 +5,7 @@ from __future__ import annotations
 from exumob.verification import (
     Case,
     basins,
+    beds,
     bodies,
     columns,
     dam_breaks,
@@ -17,6 +18,6 @@ from exumob.verification import (
 )
 
 CASES: tuple[Case, ...] = (
-    *basins.CASES, *frames.CASES, *waves.CASES, *far_field.CASES, *bodies.CASES, *floating.CASES, *dam_breaks.CASES,
-    *columns.CASES, *squat.CASES, *towing.CASES,
+    *basins.CASES, *frames.CASES, *waves.CASES, *far_field.CASES, *beds.CASES, *bodies.CASES, *floating.CASES,
+    *dam_breaks.CASES, *columns.CASES, *squat.CASES, *towing.CASES,
 )  # fmt: skip
