@@ -37,7 +37,8 @@ def extend(
 ) -> None:  # fmt: skip
     """Extend one velocity component `LAYERS` faces into air and solids by averages of known neighbours.
 
-    Faces not reached keep falling if there is water in them and take the undisturbed flow otherwise.
+    Faces not reached keep falling if there is water in them and take the undisturbed flow otherwise; their extended
+    value is nan, so that nothing takes it for the water's near by.
 
     Parameters
     ----------
@@ -109,9 +110,9 @@ def extend(
                 fallen = here - drop
                 fallen = fallen if fallen > -FASTEST_FALL or axis != 2 else -FASTEST_FALL
                 alone = fallen if c[p] > 0.0 or c[p - own] > 0.0 else far
-                here = alone if label_here == 0 else here
-                value[p] = here
+                value[p] = np.nan if label_here == 0 else here
                 projected = (is_wet[p] | is_wet[p - own]) != 0 and beta[p] > 0.0
+                here = alone if label_here == 0 else here
                 given[p] = given[p] if projected or label_here == OUTSIDE else here
 
 
@@ -159,14 +160,15 @@ def blend(
     """Draw small open faces towards the extended velocity without its part through the wall; set closed ones to it.
 
     u = (u + rate dt u_slip) / (1 + rate dt) with rate = 50 [(0.7 - beta) / beta]^2 1/s: a face that is hardly open has
-    hardly any water of its own. What momentum this takes is given to the solid.
+    hardly any water of its own. What momentum this takes is given to the solid. Where the extension does not reach,
+    nothing changes: fed by its own result, step by step, spray beside a curved wall would gather speed.
 
     Parameters
     ----------
     out : three arrays, changed
         Velocity [m/s].
     ext : three arrays
-        Extended velocity [m/s].
+        Extended velocity [m/s]; nan where it does not reach.
     regions : array of int, shape (n, 6)
         Index boxes of the solids.
     position, velocity, angular_velocity : array, shape (n, 3)
@@ -226,6 +228,8 @@ def _blend_row(
                 )
                 along = gx if axis == 0 else (gy if axis == 1 else gz)
                 target = ext[axis][j, k, i] - along * through
+                if not math.isfinite(target):
+                    continue
                 if (wet[j, k, i] or wet[jb, kb, ib]) and beta > 0.0:
                     here = out[axis][j, k, i]
                     strength = dt * BLEND_RATE * ((BLENDED - beta) / beta) ** 2
@@ -271,9 +275,17 @@ def _slope(d: Array, j: int, k: int, i: int, jb: int, kb: int, ib: int, axis: in
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _at(q: Array, component: int, axis: int, j: int, k: int, i: int) -> float:
-    """Value of a velocity component at the face (axis; j, k, i): its own, or the mean of the four around it."""
+    """Value of a velocity component at the face (axis; j, k, i): its own, or the mean of the four around it.
+
+    Of those that the extension reached; nan if it reached none.
+    """
     if component == axis:
         return q[j, k, i]
     jb, kb, ib = j - (axis == 1), k - (axis == 2), i - (axis == 0)
     ja, ka, ia = component == 1, component == 2, component == 0
-    return 0.25 * ((q[j, k, i] + q[jb + ja, kb + ka, ib + ia]) + (q[jb, kb, ib] + q[j + ja, k + ka, i + ia]))
+    a, b, c, d = q[j, k, i], q[jb + ja, kb + ka, ib + ia], q[jb, kb, ib], q[j + ja, k + ka, i + ia]
+    reached_a, reached_b, reached_c, reached_d = a == a, b == b, c == c, d == d
+    total = ((a if reached_a else 0.0) + (b if reached_b else 0.0)) + (
+        (c if reached_c else 0.0) + (d if reached_d else 0.0)
+    )
+    return total / (reached_a + reached_b + reached_c + reached_d)

@@ -7,6 +7,8 @@ faces as in `exumob.flow.body`. `exumob.flow.conjugate_gradients` solves it.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
@@ -25,7 +27,9 @@ __all__ = ["FULL", "Levels", "Outcome", "assemble", "project", "solve"]
 FULL = 0.999
 """Fraction from which a cell without surface is no void [-]."""
 EMPTYING = 0.3
-"""Share of what is too much in a cell that leaves it in one step [-]."""
+"""Share of what is too much in a cell that leaves it in one step [-], ..."""
+EMPTYING_RATE = 10.0
+"""... at most at this rate times sqrt(g / height of the cell): else the shorter the step the faster the flow."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -193,12 +197,13 @@ def _assemble_row(
             s1[0] += dy * dz * (1.0 - solids.bx[j, k, lo]) * (u[j, k, lo] - solids.sx[j, k, lo])
         if hi == nx - HALO and not given_bed:
             s1[count - 1] -= dy * dz * (1.0 - solids.bx[j, k, hi]) * (u[j, k, hi] - solids.sx[j, k, hi])
-        emptying = EMPTYING / dt * dy * dz
+        emptying = min(EMPTYING / dt, EMPTYING_RATE * math.sqrt(GRAVITY / dz)) * dy * dz
         for n in range(count):
             m = U(n)
             p = first + m
             openings = bx[p] + bx[p + one] + by[p] + by[p + sy] + bz[p] + bz[p + sz]
             excess = c[p] - 1.0
+            excess *= openings if openings < 1.0 else 1.0
             value = s1[m] + emptying * dx[m] * (excess if excess > 0.0 else 0.0)
             right[p] = value if (full[p] == 1) & (openings > 0.0) else 0.0
         found = 0

@@ -29,6 +29,8 @@ SWEEPS = ((0, 1, 2), (2, 1, 0), (1, 2, 0), (0, 2, 1), (2, 0, 1), (1, 0, 2))
 """Orders of the three sweeps that carry the fraction, in turn."""
 CALM_STEPS = 100
 """Steps after which a divided interval is tried undivided again."""
+LEAST_STEP = 1e-4
+"""Share of sqrt(smallest width / g) below which the Courant number must not press the step."""
 
 
 class FlowSolver:
@@ -189,7 +191,8 @@ class FlowSolver:
         Raises
         ------
         SimulationError
-            If a step fails even when divided by 16; ``error.state`` is what `save` gave before the failed step.
+            If a step fails even when divided by 16, or the Courant number asks for ever shorter ones; ``error.state``
+            is what `save` gave before the failed step.
         """
         if self._poses is None:
             raise ValueError("FlowSolver.advance: call start(poses) first.")
@@ -201,6 +204,7 @@ class FlowSolver:
         sums = np.zeros((3, len(self.solids), 6))
         parts, iterations, residual, courant, halvings = 0, 0, 0.0, 0.0, 0
         state, done = self._state, 0.0
+        least = LEAST_STEP * math.sqrt(self.grid.smallest_width / GRAVITY)
         # a change of the step makes the loads jump for one step (by what small faces exchange): change it seldom
         pieces = math.ceil(interval / state.step - 1e-9) if state.calm < CALM_STEPS and state.step > 0.0 else 1
         numba.set_num_threads(self.settings.threads)
@@ -208,6 +212,8 @@ class FlowSolver:
             wanted = math.ceil(interval * self._state.courant_rate / self.settings.courant - 1e-9)
             self._state.calm = 0 if wanted >= pieces and wanted > 1 else self._state.calm + 1
             pieces = max(pieces, wanted)
+            if wanted > 1 and interval < wanted * least:
+                raise self._stopped(f"the flow is too fast for steps of {least:.2e} s")
             share = min((1.0 - done) / max(1, round((1.0 - done) * pieces)), 1.0 - done)
             end = done + share if done + share < 1.0 - 1e-9 else 1.0
             there = poses if end == 1.0 else interpolate(begin, poses, interval, end)
@@ -217,14 +223,7 @@ class FlowSolver:
                 halvings += 1
                 pieces = 2 * max(pieces, round(1.0 / share))
                 if dt < interval / 16.0 * 1.001 and halvings > 4:
-                    failed = SimulationError(
-                        f"flow solver stopped at t = {self._state.time:.4f} s: {outcome} even with a "
-                        f"step of {dt:.2e} s. "
-                        "The state before the step is kept (SimulationError.state). Look for a solid that jumps or "
-                        "leaves the window; use smaller cells, a smaller interval, or a larger window."
-                    )
-                    failed.state = self.save()
-                    raise failed
+                    raise self._stopped(f"{outcome} even with a step of {dt:.2e} s")
                 log.warning("t = %.4f s: %s; the step is halved", self._state.time, outcome)
                 self._place(self._poses, self._state.frame)
                 continue
@@ -238,6 +237,15 @@ class FlowSolver:
         self.loads = Loads(sums[0], sums[1], sums[2])
         self.report = StepReport(parts, iterations, residual, courant, halvings)
         return self.loads.total
+
+    def _stopped(self, reason: str) -> SimulationError:
+        failed = SimulationError(
+            f"flow solver stopped at t = {self._state.time:.4f} s: {reason}. The state before the step is kept "
+            "(SimulationError.state). Look for a solid that jumps or leaves the window; use smaller cells, a smaller "
+            "interval, or a larger window."
+        )
+        failed.state = self.save()
+        return failed
 
     # -- one step -------------------------------------------------------------------------------------------------
 
