@@ -253,7 +253,7 @@ class Strong(_Scheme):
         else:
             loads = 2.0 * trace.last - memory.before
         memory.new_step()
-        factor = -self.relaxation
+        factor = self.relaxation
         residual_before: Array | None = None
         while True:
             bodies.advance(end_time, loads, trace.rate(loads, step))
@@ -273,9 +273,9 @@ class Strong(_Scheme):
             if self.method == "aitken":
                 if residual_before is not None:
                     change = residual - residual_before
-                    factor *= float(np.vdot(residual_before, change) / np.vdot(change, change))
-                    factor = float(np.clip(factor, -1.0, -1e-3))
-                loads = loads - factor * residual
+                    factor *= -float(np.vdot(residual_before, change) / np.vdot(change, change))
+                    factor = float(np.clip(factor, 1e-3, 1.0))
+                loads = loads + factor * residual
                 residual_before = residual
             else:
                 loads = loads + memory.correction(residual, answer, self.relaxation)

@@ -19,14 +19,13 @@ from exumob.hydrodynamics.states import FLOW_STATES, flow_states
 from exumob.maneuver import Maneuver
 from exumob.multibody import MultibodyVehicle
 from exumob.provenance import parameters_json, provenance
-from exumob.states import BODIES, WHEELS, Array, BodyStates
+from exumob.states import BODIES, WHEELS, WRENCH_COMPONENTS, Array, BodyStates
 from exumob.terrain import Terrain
 from exumob.vehicle import Vehicle
 
 logger = logging.getLogger(__name__)
 
 WORK_KINDS = ("soil", "damper", "water", "spin", "steering", "settling")
-WRENCH_COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 VARIABLES = {
     # name: (dimensions, units, meaning)

@@ -22,13 +22,10 @@ from numba import njit
 from exumob.checks import require_positive, require_within
 from exumob.environment import GRAVITY, Water
 from exumob.hydrodynamics.surface import N_SUMS, Integers, body_surfaces, wet_integrals
-from exumob.states import BODIES, Array, BodyStates
+from exumob.states import BODIES, WRENCH_COMPONENTS, Array, BodyStates
 from exumob.vehicle import Vehicle
 
 Table = tuple[tuple[float, float], ...]
-
-COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
-"""Of a wrench: force [N] and moment about the body's origin [N m] in the body's axes."""
 
 FILTER_STEPS = 2.0
 """Lag of the added-mass load behind the acceleration, in macro steps; see `filter_time`."""
@@ -228,7 +225,7 @@ class CoefficientHydrodynamics:
         if not self._times:
             return {}
         time = xr.Variable("macro_time", self._times, {"units": "s", "long_name": "start of the macro step"})
-        coords = {"macro_time": time, "body": list(BODIES), "component": list(COMPONENTS)}
+        coords = {"macro_time": time, "body": list(BODIES), "component": list(WRENCH_COMPONENTS)}
         parts = np.array(self._parts)
         series = {
             "hydrostatic_load": (parts[:, 0], "N, N m", "hydrostatic part of the water load, body axes"),

@@ -19,11 +19,10 @@ import xarray as xr
 from exumob.checks import require_positive, require_within
 from exumob.environment import Water
 from exumob.flow.body import Poses
-from exumob.hydrodynamics.coefficients import COMPONENTS
 from exumob.hydrodynamics.flow_side import FlowSide, VehicleFlow
 from exumob.hydrodynamics.surface import body_surfaces, hydrostatic_wrench
 from exumob.maneuver import smooth_step
-from exumob.states import BODIES, Array, BodyStates
+from exumob.states import BODIES, WRENCH_COMPONENTS, Array, BodyStates
 from exumob.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
@@ -212,7 +211,7 @@ class CfdHydrodynamics:
             text = {"units": "s", "long_name": "time, negative before the release"}
             coords = {
                 "development_time": xr.Variable("development_time", self._developed_times, text),
-                "body": list(BODIES), "component": list(COMPONENTS),
+                "body": list(BODIES), "component": list(WRENCH_COMPONENTS),
             }  # fmt: skip
             found["development_load"] = xr.DataArray(
                 np.array(self._developed_loads), coords, tuple(coords),

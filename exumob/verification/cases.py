@@ -7,6 +7,7 @@ from exumob.verification import (
     basins,
     bodies,
     columns,
+    coupled,
     dam_breaks,
     far_field,
     floating,
@@ -17,6 +18,6 @@ from exumob.verification import (
 )
 
 CASES: tuple[Case, ...] = (
-    *basins.CASES, *frames.CASES, *waves.CASES, *far_field.CASES, *bodies.CASES, *floating.CASES, *dam_breaks.CASES,
-    *columns.CASES, *squat.CASES, *towing.CASES,
+    *basins.CASES, *frames.CASES, *waves.CASES, *far_field.CASES, *bodies.CASES, *floating.CASES, *coupled.CASES,
+    *dam_breaks.CASES, *columns.CASES, *squat.CASES, *towing.CASES,
 )  # fmt: skip
