@@ -11,6 +11,9 @@ import hashlib
 import json
 import logging
 import os
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -88,6 +91,7 @@ class Checkpoints:
         self.file, self.fingerprint = file, fingerprint
         self._noted: tuple[int, Any, Any, Any] | None = None
         self._written = -1
+        self._passed = 0  # whole intervals
         if not file.parent.is_dir():
             raise ValueError(f"checkpoint {file}: the folder {file.parent} does not exist; create it first.")
         self.found = file.exists()
@@ -110,7 +114,7 @@ class Checkpoints:
         model.restore(SavedState(**saved["model"]))
         hydrodynamics.restore(saved["hydrodynamics"])
         coupling.restore(saved["coupling"])
-        self._written = steps
+        self._written, self._passed = steps, int(model.time / INTERVAL + 1e-6)
         log.info("%s: goes on from %.3f s", self.file, model.time)
         return steps
 
@@ -118,9 +122,9 @@ class Checkpoints:
         self, step: int, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling
     ) -> None:  # fmt: skip
         """Write or note the state before macro step number `step`, if it is time to."""
-        macro_step = model.time / step if step else 0.0
-        due = step == 0 or round(step * macro_step / INTERVAL, 6) // 1 > round((step - 1) * macro_step / INTERVAL, 6) // 1
-        if due and step != self._written:
+        passed = int(model.time / INTERVAL + 1e-6)
+        if (step == 0 or passed > self._passed) and step != self._written:
+            self._passed = passed
             self._write(step, model, hydrodynamics, coupling)
         if step % RESCUE_STEPS == 0:
             self._noted = (
@@ -173,11 +177,14 @@ def read(file: Path) -> tuple[int, dict[str, Any]]:
     return int(head["step"]), tree
 
 
-def _opened(file: Path) -> Any:
-    try:
-        return np.load(file, allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
-        raise ValueError(f"checkpoint {file} cannot be read ({error}); move it away and begin anew.") from None
+@contextmanager
+def _opened(file: Path) -> Iterator[Any]:
+    with file.open("rb") as stream:
+        try:
+            archive = np.load(stream, allow_pickle=False)
+        except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+            raise ValueError(f"checkpoint {file} cannot be read ({error}); move it away and begin anew.") from None
+        yield archive
 
 
 def _head(file: Path, archive: Any) -> dict[str, Any]:

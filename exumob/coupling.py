@@ -3,10 +3,11 @@
 Notation: in the macro step from t_n to t_{n+1} of length H the vehicle, under mean wrenches F, reaches velocities y of
 its bodies (linear and angular, body axes); the water, with the bodies moving there, answers with mean wrenches G.
 
-Why it matters: water answers a change of velocity at once, G = ... - A (y - y_n) / H with the added mass A. The explicit
-scheme predicts y from the last acceleration; for one body of mass m its error then obeys
-z^2 + 2 r z - r = 0 with r = A/m, and grows for r > 1/3, whatever the step (with a constant prediction: r > 1). Shorter
-macro steps do not help. See Causin, Gerbeau & Nobile (Comput. Methods Appl. Mech. Eng. 194 (2005) 4506).
+Why it matters: water answers a change of velocity at once, G = ... - A (y - y_n) / H with the added mass A. The
+explicit scheme predicts y from the last acceleration; from step to step the error of one body of mass m is then
+multiplied by the roots of z^2 + 2 r z - r = 0 with r = A/m, and grows for r > 1/3, whatever the step (with a constant
+prediction: r > 1). Shorter macro steps do not help (Causin, Gerbeau & Nobile, Comput. Methods Appl. Mech. Eng. 194
+(2005) 4506). A hull that floats over a shallow bed has r of about 2 in heave.
 """
 
 from __future__ import annotations
@@ -90,6 +91,11 @@ def wrenches(water: Hydrodynamics, history: BodyStates, predict: Callable[[], Bo
     if not np.isfinite(loads).all():
         raise SimulationError(f"{name} gave a load that is not finite at {time:.4f} s; halve macro_step.")
     return loads
+
+
+def _size(difference: Array, values: Array) -> float:
+    """Of a difference relative to the values; forces [N] and moments [N m] together."""
+    return float(np.linalg.norm(difference)) / max(float(np.linalg.norm(values)), 1e-300)
 
 
 class _Trace:
@@ -261,7 +267,7 @@ class Strong(_Scheme):
             answer = wrenches(water, history, lambda reached=reached: reached)  # type: ignore[misc]
             solves += 1
             residual = answer - loads
-            size = float(np.linalg.norm(residual)) / max(float(np.linalg.norm(answer)), 1e-300)
+            size = _size(residual, answer)
             if size <= self.tolerance:
                 break
             if solves >= self.iterations:
@@ -400,7 +406,7 @@ class SemiImplicit(_Scheme):
             bodies.advance(end_time, wrench, trace.rate(wrench, step))
             reached = body_velocities(bodies.present())
             gap = target - damping @ (reached - aim) - loads
-            size = float(np.linalg.norm(gap) / max(np.linalg.norm(loads), 1e-300))
+            size = _size(gap, loads)
             if size < 1e-6:
                 break
             loads = loads + newton @ gap
@@ -410,8 +416,7 @@ class SemiImplicit(_Scheme):
             bodies.advance(end_time, wrench, trace.rate(wrench, step))
             reached = body_velocities(bodies.present())
         response.missed = reached - aim
-        difference = float(np.linalg.norm(answer - wrench) / max(np.linalg.norm(answer), 1e-300))
-        trace.add(begin, wrench, solves, difference)
+        trace.add(begin, wrench, solves, _size(answer - wrench, answer))
 
     def _measure(
         self, bodies: Mechanism, water: Hydrodynamics, history: BodyStates, predicted: BodyStates, last: Array | None,
@@ -446,11 +451,12 @@ class SemiImplicit(_Scheme):
         water.restore(saved_water)
         columns = []
         for direction in directions.T:
-            shift = self.disturbance / np.abs(direction).max() * direction / scale
+            size = self.disturbance / float(np.abs(direction).max())
+            shift = size * direction / scale
             moved = disturbed(predicted, shift, step)
             answer = wrenches(water, history, lambda moved=moved: moved).ravel()  # type: ignore[misc]
             water.restore(saved_water)
-            columns.append((aim - answer) * np.abs(direction).max() / self.disturbance)
+            columns.append((aim - answer) / size)
         response.damping = np.stack(columns, axis=1) @ directions.T * scale[None, :]
         return len(columns) + 1
 

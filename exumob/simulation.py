@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from exumob.checks import require_positive
 from exumob.checkpoint import Checkpoints, Fingerprint
-from exumob.coupling import Coupling, Explicit, wrenches
+from exumob.checks import require_positive
+from exumob.coupling import Coupling, Explicit, SemiImplicit, wrenches
 from exumob.environment import Soil, Water
 from exumob.errors import SimulationError, SimulationInterrupted
 from exumob.hydrodynamics import CoefficientHydrodynamics, DevelopedHydrodynamics, Hydrodynamics, NoWater
@@ -69,11 +69,12 @@ def simulate(
     terrain : Terrain, optional
         Default: flat at z = 0.
     coupling : Coupling, optional
-        How vehicle and water agree within a macro step. Default: `Explicit`, the paper's.
+        How vehicle and water agree within a macro step. Default: `SemiImplicit` for a flow code, `Explicit` (the
+        paper's) for models that take account of added mass themselves.
     checkpoint : path, optional
-        File to which the whole run is written every half second of simulated time, and when it is stopped or breaks.
+        File (.npz) that holds the whole run, written at the release, every half second and when it stops or breaks.
     resume : bool
-        Go on from `checkpoint`, if there is one, with the same bits as the run that was not stopped; without one, begin.
+        Go on from `checkpoint`, if there is one, with the same bits as a run that was never stopped; else begin.
     progress : callable, optional
         Called with the time reached [s] after each macro step.
 
@@ -103,7 +104,8 @@ def simulate(
         )
     _check_maneuver(vehicle, maneuver, duration)
     steps = {"duration": duration, "micro_step": micro_step, "macro_step": macro_step, "record_step": record_step}
-    active, scheme = hydrodynamics, coupling or Explicit()
+    active = hydrodynamics
+    scheme = coupling or (SemiImplicit() if isinstance(active, DevelopedHydrodynamics) else Explicit())
     store = None
     if checkpoint is not None:
         fingerprint = Fingerprint.of(
@@ -184,9 +186,7 @@ def _settle(
     model.settle(lambda states: wrenches(hydrodynamics, states, lambda: states))
 
 
-def _keep(
-    store: Checkpoints | None, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling
-) -> None:
+def _keep(store: Checkpoints | None, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling) -> None:
     """Write a checkpoint of a run that was stopped; what goes wrong there must not hide why."""
     if store is None:
         return

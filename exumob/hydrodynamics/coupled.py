@@ -19,7 +19,7 @@ import xarray as xr
 from exumob.checks import require_positive, require_within
 from exumob.environment import Water
 from exumob.flow.body import Poses
-from exumob.hydrodynamics.flow_side import FlowSide, VehicleFlow
+from exumob.hydrodynamics.flow_side import CELL_SIZE, FlowSide, VehicleFlow
 from exumob.hydrodynamics.surface import body_surfaces, hydrostatic_wrench
 from exumob.maneuver import smooth_step
 from exumob.states import BODIES, WRENCH_COMPONENTS, Array, BodyStates
@@ -64,7 +64,7 @@ class CfdHydrodynamics:
     flow : FlowSide, optional
         Any code with the five functions of `FlowSide`; default: the own solver, `VehicleFlow`.
     cell_size : float, optional
-        Of the own solver's grid round the vehicle [m]; default 0.018.
+        Of the own solver's grid round the vehicle [m]; default `CELL_SIZE`.
     allow_coarse : bool
         Of the own solver: warn instead of refusing cells too coarse for gaps and wheels.
     development : Development, optional
@@ -83,7 +83,7 @@ class CfdHydrodynamics:
                 "VehicleFlow(cell_size=0.018), or leave flow out."
             )
         if flow is None:
-            flow = VehicleFlow(0.018 if cell_size is None else cell_size, allow_coarse=allow_coarse)
+            flow = VehicleFlow(CELL_SIZE if cell_size is None else cell_size, allow_coarse=allow_coarse)
         self.flow = flow
         self.development = development or Development()
         self._progress = progress or (lambda time: None)

@@ -20,6 +20,9 @@ from exumob.flow.solver import FlowSolver
 from exumob.states import Array
 from exumob.vehicle import Vehicle
 
+CELL_SIZE = 0.0115
+"""Of the grid round the vehicle [m]: two cells in the gap between the hull and a front wheel at full lock."""
+
 
 class FlowSide(Protocol):
     """A flow code as the coupling sees it: n moving bodies in, n wrenches out (the vehicle: n = 5).
@@ -81,7 +84,7 @@ class VehicleFlow:
     """
 
     def __init__(
-        self, cell_size: float = 0.018, *, grid: Grid | None = None, settings: FlowSettings | None = None,
+        self, cell_size: float = CELL_SIZE, *, grid: Grid | None = None, settings: FlowSettings | None = None,
         allow_coarse: bool = False,
     ) -> None:  # fmt: skip
         require_positive("VehicleFlow", cell_size=cell_size)

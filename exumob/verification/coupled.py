@@ -2,9 +2,9 @@
 
 Limits, written down first: fall through air exact to 1e-9; first acceleration of a sphere in water 5 % (its added mass
 at five cells to the radius is met to 4 %); heave period of the floating box 2 % (as in `floating`); schemes that
-converge agree within 2 % of the release height; momentum of water and body 1 %, as with prescribed motion. A box lighter
-than its added mass: the explicit scheme must exceed ten times gravity within 40 steps; the others must keep the box
-within its release height.
+converge agree within 2 % of the release height; momentum of water and body 1 %, as with prescribed motion. A box
+lighter than its added mass: the explicit scheme must exceed ten times gravity within 40 steps, and grow by the factor
+of theory to 10 %; the others must keep the box within its release height.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def box_inertia(mass: float, solid: Solid) -> Array:
     return mass / 12.0 * np.array([b + c, a + c, a + b])
 
 
-# -- free fall ----------------------------------------------------------------------------------------------------------
+# -- free fall --------------------------------------------------------------------------------------------------------
 
 
 def sphere_in_tank(density_ratio: float, height: float, depth: float) -> tuple[FreeBody, FlowSolver, float]:
@@ -97,7 +97,7 @@ def check_free_fall(dt: float = 2e-3) -> list[Check]:
     return checks
 
 
-# -- a box lighter than its added mass ---------------------------------------------------------------------------------
+# -- a box lighter than its added mass --------------------------------------------------------------------------------
 
 LIGHT_DRAUGHT, LIGHT_HEIGHT = 0.04, 0.10
 """Of a flat box, 0.4 m by 0.3 m [m]: its added mass is about twice its mass."""
@@ -133,16 +133,18 @@ def check_light_box(cell_size: float = 0.03, dt: float = 2e-3) -> list[Check]:
     largest = float(np.abs(changes).max() / dt)
     early = np.flatnonzero(np.abs(changes) > 2.0 * GRAVITY * dt)
     growth = float(changes[early[1]] / changes[early[0]]) if len(early) > 1 else float("nan")
-    ratio = growth**2 / (1.0 - 2.0 * growth)  # of z^2 + 2 r z - r = 0
-    checks = [
-        at_least("explicit, largest acceleration within 40 steps", largest, 10.0 * GRAVITY, "m/s2"),
-        reported("explicit, factor from step to step", growth),
-        reported("... added mass over mass that belongs to it", ratio),
-    ]
+    checks = [at_least("explicit, largest acceleration within 40 steps", largest, 10.0 * GRAVITY, "m/s2")]
     ends = []
     for scheme_ in SCHEMES:
         body, solver, rest = light_box(cell_size)
         places, _ = run(body, solver, scheme_, 0.4, dt)
+        if isinstance(scheme_, SemiImplicit) and scheme_.response.damping is not None:
+            r = float(scheme_.response.damping[2, 2]) * dt / body.mass  # added mass over mass, as measured
+            expected = -r - np.sqrt(r * r + r)
+            checks += [
+                reported("added mass over mass", r),
+                relative("explicit, factor from step to step (z^2 + 2 r z - r = 0)", growth, expected, 0.1),
+            ]
         away = np.abs(places[:, 2] - rest)
         name = named(scheme_)
         checks.append(absolute(f"{name}, largest distance from rest less 10 mm, if above 0",
@@ -155,7 +157,7 @@ def check_light_box(cell_size: float = 0.03, dt: float = 2e-3) -> list[Check]:
     return checks
 
 
-# -- heave of the floating box ------------------------------------------------------------------------------------------
+# -- heave of the floating box ----------------------------------------------------------------------------------------
 
 
 def check_heave(cell_size: float = 0.025, dt: float = 5e-3) -> list[Check]:
@@ -166,7 +168,7 @@ def check_heave(cell_size: float = 0.025, dt: float = 5e-3) -> list[Check]:
         rest = DEPTH - DRAUGHT + 0.5 * HEIGHT
         body = FreeBody(MASS, box_inertia(MASS, box(LENGTH, WIDTH, HEIGHT)), (0.0, 0.0, rest + 0.01))
         places, _ = run(body, solver, scheme, 2.4, dt)
-        times = dt * np.arange(len(places))
+        times = np.array(dt * np.arange(len(places)), dtype=float)
         later = times >= 0.25 * heave_period()
         period, damping = fitted_oscillation(times[later], places[later, 2] - rest, heave_period())
         checks.append(relative(f"heave period, {named(scheme)}", period, heave_period(), 0.02, "s"))
@@ -175,7 +177,7 @@ def check_heave(cell_size: float = 0.025, dt: float = 5e-3) -> list[Check]:
     return checks
 
 
-# -- momentum -----------------------------------------------------------------------------------------------------------
+# -- momentum ---------------------------------------------------------------------------------------------------------
 
 
 def coupled_momentum_gap(scheme: Coupling, duration: float = 0.3, dt: float = 2e-3) -> float:

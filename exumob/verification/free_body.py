@@ -129,7 +129,8 @@ class TankWater:
 
 def _states(now: _Instant) -> BodyStates:
     rows = (now.position, now.rotation, now.velocity, now.rate, now.acceleration, now.angular_acceleration)
-    return BodyStates(np.array([now.time]), *(np.array(row)[None, None] for row in rows), np.zeros((1, 0)))
+    x, r, v, w, a, turning = (np.array(row)[None, None] for row in rows)
+    return BodyStates(np.array([now.time]), x, r, v, w, a, turning, np.zeros((1, 0)))
 
 
 def _turned(arc: Array) -> Array:
