@@ -154,6 +154,8 @@ def lane_change_command(
         except SimulationInterrupted as stop:
             result, code = stop.result, 130
             errors.print(f"[yellow]{stop}[/yellow]; what was computed until then follows.", highlight=False)
+    if code and checkpoint is not None and checkpoint.exists():
+        errors.print(f"{checkpoint} holds the run: the same command with --resume goes on.", highlight=False)
     _report(result, targets)
     raise typer.Exit(code)
 
