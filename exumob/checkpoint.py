@@ -11,6 +11,7 @@ import hashlib
 import json
 import logging
 import os
+import time
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -92,6 +93,7 @@ class Checkpoints:
         self._noted: tuple[int, Any, Any, Any] | None = None
         self._written = -1
         self._passed = 0  # whole intervals
+        self._patience = 0.0
         if not file.parent.is_dir():
             raise ValueError(f"checkpoint {file}: the folder {file.parent} does not exist; create it first.")
         self.found = file.exists()
@@ -126,10 +128,13 @@ class Checkpoints:
         if (step == 0 or passed > self._passed) and step != self._written:
             self._passed = passed
             self._write(step, model, hydrodynamics, coupling)
-        if step % RESCUE_STEPS == 0:
+        if step % RESCUE_STEPS == 0 and time.monotonic() > self._patience:
+            begin = time.monotonic()
             self._noted = (
                 step, model.save(histories=False), hydrodynamics.save(histories=False), coupling.save(histories=True)
             )  # fmt: skip
+            now = time.monotonic()
+            self._patience = now + 10.0 * (now - begin)  # a flow code that saves slowly is asked less often
 
     def rescue(self, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling) -> None:
         """Write the state noted last, after a run was stopped or broke wherever it was."""

@@ -92,6 +92,9 @@ class CfdHydrodynamics:
         }  # fmt: skip
         """What was chosen, as kept in results."""
         self._poses: Poses | None = None
+        self._developed = False  # since the last start
+        self._developed_times: list[float] = []
+        self._developed_loads: list[Array] = []
         self._forget()
 
     def _forget(self) -> None:
@@ -107,8 +110,7 @@ class CfdHydrodynamics:
         """Find vehicle and water in equilibrium: settled, held, settled anew; see `Development`."""
         water = _needed(water)
         plan = self.development
-        self._developed_times: list[float] = []
-        self._developed_loads: list[Array] = []
+        self._developed_times, self._developed_loads = [], []
         self.flow.start(vehicle, water, _at_ride_height(vehicle), 0.0)  # refuses what it cannot run
         surfaces = body_surfaces(vehicle)
 
@@ -143,6 +145,7 @@ class CfdHydrodynamics:
             part = n / steps
             time = 0.0 if n == steps else -plan.adjustment * (1.0 - part)
             self._hold(time, _between(place, final, 2.0 * part, 0.5 * plan.adjustment))
+        self._developed = True
 
     def _hold(self, time: float, poses: Poses) -> None:
         loads = self.flow.advance(time, poses)
@@ -157,6 +160,9 @@ class CfdHydrodynamics:
         """Forget any earlier record; the water is that of `develop`, or comes with `restore`."""
         require_positive("CfdHydrodynamics", macro_step=macro_step)
         self._vehicle, self._water = vehicle, _needed(water)
+        if not self._developed:  # the water of an earlier run
+            self._poses, self._developed_times, self._developed_loads = None, [], []
+        self._developed = False
         self._forget()
 
     def wrenches(self, history: BodyStates, predict: Callable[[], BodyStates]) -> Array:
@@ -206,8 +212,8 @@ class CfdHydrodynamics:
             time = xr.Variable("macro_time", self._times, {"units": "s", "long_name": "start of the macro step"})
             for name in self._reports[0]:
                 values = np.array([report[name] for report in self._reports], dtype=float)
-                found[name] = xr.DataArray(values, {"macro_time": time}, ("macro_time",), attrs={"units": "1"})
-        if getattr(self, "_developed_times", None):
+                found[name] = xr.DataArray(values, {"macro_time": time}, ("macro_time",), attrs=_described(name))
+        if self._developed_times:
             text = {"units": "s", "long_name": "time, negative before the release"}
             coords = {
                 "development_time": xr.Variable("development_time", self._developed_times, text),
@@ -218,6 +224,11 @@ class CfdHydrodynamics:
                 attrs={"units": "N, N m", "long_name": "water on the held vehicle, body axes"},
             )  # fmt: skip
         return found
+
+
+def _described(name: str) -> dict[str, str]:
+    units = {"volume_added": "m3"}.get(name, "1")
+    return {"units": units, "long_name": f"flow, over the macro step: {name.replace('_', ' ')}"}
 
 
 def _needed(water: Water | None) -> Water:

@@ -57,8 +57,9 @@ class FlowSide(Protocol):
     def save(self) -> Any:
         """Return all that the next `advance` depends on: dicts, lists, arrays, numbers and text.
 
-        The strongly coupled scheme asks for it every macro step, checkpoints every half second. A code with restart
-        files of its own may return their names.
+        The strongly coupled scheme asks for it every macro step, the semi-implicit one four times a second; a run with
+        checkpoints every ten macro steps (less often if it takes long) and every half second. A code with restart files
+        of its own may return their names; those of every half second must stay.
         """
 
     def restore(self, saved: Any) -> None:
