@@ -33,6 +33,8 @@ INTERVAL = 0.5
 """Simulated time between checkpoints [s]."""
 RESCUE_STEPS = 10
 """Macro steps after which the state is noted in memory, for a checkpoint when a run breaks in the midst of a step."""
+SLOW = 0.5
+"""Time for a flow code's save [s] beyond which its state is noted less often."""
 HEAD = "contents"
 """Name of the JSON text in the archive."""
 
@@ -109,6 +111,8 @@ class Checkpoints:
                     f"{'s' if len(wrong) == 1 else ''}. Resume with what it was made with, or move it away and begin "
                     "anew."
                 )
+        self.released = self.found and int(head["step"]) >= 0
+        self.development: Any = read(file)[1]["development"] if self.found and not self.released else None
 
     def resume(self, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling) -> int:
         """Bring all to the state of the file; return the number of macro steps done."""
@@ -119,6 +123,10 @@ class Checkpoints:
         self._written, self._passed = steps, int(model.time / INTERVAL + 1e-6)
         log.info("%s: goes on from %.3f s", self.file, model.time)
         return steps
+
+    def keep_development(self, saved: Any) -> None:
+        """Write the state of the water before the release."""
+        write(self.file, -1, {"development": saved}, self.fingerprint)
 
     def before_step(
         self, step: int, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling
@@ -133,8 +141,9 @@ class Checkpoints:
             self._noted = (
                 step, model.save(histories=False), hydrodynamics.save(histories=False), coupling.save(histories=True)
             )  # fmt: skip
-            now = time.monotonic()
-            self._patience = now + 10.0 * (now - begin)  # a flow code that saves slowly is asked less often
+            took = time.monotonic() - begin
+            if took > SLOW:
+                self._patience = begin + 20.0 * took
 
     def rescue(self, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling) -> None:
         """Write the state noted last, after a run was stopped or broke wherever it was."""
@@ -175,7 +184,7 @@ def write(file: Path, step: int, tree: dict[str, Any], fingerprint: Fingerprint)
 
 
 def read(file: Path) -> tuple[int, dict[str, Any]]:
-    """Number of macro steps done, and the tree given to `write`."""
+    """Number of macro steps done (-1: not released yet), and the tree given to `write`."""
     with _opened(file) as archive:
         head = _head(file, archive)
         tree: dict[str, Any] = _put_together(head["tree"], archive)

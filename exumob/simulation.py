@@ -122,11 +122,11 @@ def simulate(
     model = MultibodyVehicle(vehicle, soil, maneuver, terrain, micro_step, duration, record_step)
     scheme.start()
     first = 0
-    if store is not None and store.found:
+    if store is not None and store.released:
         active.start(vehicle, water, macro_step)
         first = store.resume(model, active, scheme)
     else:
-        _settle(model, active, vehicle, water, macro_step)
+        _settle(model, active, vehicle, water, macro_step, store)
         active.start(vehicle, water, macro_step)
     settled = time.perf_counter()
 
@@ -171,8 +171,9 @@ def simulate(
 
 
 def _settle(
-    model: MultibodyVehicle, hydrodynamics: Hydrodynamics, vehicle: Vehicle, water: Water | None, macro_step: float
-) -> None:
+    model: MultibodyVehicle, hydrodynamics: Hydrodynamics, vehicle: Vehicle, water: Water | None, macro_step: float,
+    store: Checkpoints | None,
+) -> None:  # fmt: skip
     """Static equilibrium of the vehicle with the water's loads, the state at time 0."""
     if isinstance(hydrodynamics, DevelopedHydrodynamics):
 
@@ -180,7 +181,9 @@ def _settle(
             model.settle(load)
             return model.present()
 
-        hydrodynamics.develop(vehicle, water, macro_step, settle)
+        keep = (lambda saved: None) if store is None else store.keep_development
+        begun = None if store is None else store.development
+        hydrodynamics.develop(vehicle, water, macro_step, settle, keep, begun)
         return
     hydrodynamics.start(vehicle, water, SETTLING_STEP)
     model.settle(lambda states: wrenches(hydrodynamics, states, lambda: states))

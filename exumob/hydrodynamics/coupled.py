@@ -28,6 +28,10 @@ from exumob.vehicle import Vehicle
 log = logging.getLogger(__name__)
 
 
+KEPT_EVERY = 0.5
+"""Interval at which the developing water is kept [s]."""
+
+
 @dataclass(frozen=True)
 class Development:
     """How the water develops round the held vehicle before its release at time 0.
@@ -105,12 +109,13 @@ class CfdHydrodynamics:
 
     def develop(
         self, vehicle: Vehicle, water: Water | None, macro_step: float,
-        settle: Callable[[Callable[[BodyStates], Array]], BodyStates],
+        settle: Callable[[Callable[[BodyStates], Array]], BodyStates], keep: Callable[[Any], None], begun: Any = None,
     ) -> None:  # fmt: skip
         """Find vehicle and water in equilibrium: settled, held, settled anew; see `Development`."""
         water = _needed(water)
         plan = self.development
         self._developed_times, self._developed_loads = [], []
+        self._keep, self._kept_at = keep, -math.inf
         self.flow.start(vehicle, water, _at_ride_height(vehicle), 0.0)  # refuses what it cannot run
         surfaces = body_surfaces(vehicle)
 
@@ -130,18 +135,24 @@ class CfdHydrodynamics:
         ramp = plan.ramp if water.current_speed > 0.0 else 0.0
         begin = -(ramp + plan.hold + plan.adjustment)
         self.flow.start(vehicle, water, _drifting(place, water, 0.0, ramp), begin)
+        if begun is not None:
+            self.flow.restore(begun["flow"])
+            self._developed_times = [float(t) for t in begun["times"]]
+            self._developed_loads = list(begun["loads"])
+        done, self._kept_at = len(self._developed_times), self._developed_times[-1] if begun is not None else begin
         steps = round((ramp + plan.hold) / plan.interval)
-        for n in range(1, steps + 1):
+        for n in range(1 + done, steps + 1):
             after = n * (ramp + plan.hold) / steps
             self._hold(begin + after, _drifting(place, water, after, ramp))
-        late = np.array(self._developed_times) > -plan.adjustment - 0.5 * plan.hold
-        mean = np.array(self._developed_loads)[late].mean(axis=0)
+        times = np.array(self._developed_times[:steps])
+        mean = np.array(self._developed_loads[:steps])[times > -plan.adjustment - 0.5 * plan.hold].mean(axis=0)
 
         # moved to where the developed water lets it settle; still water gives the change with the place
         offset = mean - still(held)
         final = _resting(settle(lambda states: still(states) + offset))
-        steps = max(round(plan.adjustment / macro_step), 1)
-        for n in range(1, steps + 1):
+        done, steps = max(done - steps, 0), max(round(plan.adjustment / macro_step), 1)
+        self._poses = final
+        for n in range(1 + done, steps + 1):
             part = n / steps
             time = 0.0 if n == steps else -plan.adjustment * (1.0 - part)
             self._hold(time, _between(place, final, 2.0 * part, 0.5 * plan.adjustment))
@@ -153,6 +164,14 @@ class CfdHydrodynamics:
         self._developed_loads.append(np.array(loads))
         self._poses = poses
         self._progress(time)
+        if time - self._kept_at >= KEPT_EVERY - 1e-9:
+            self._kept_at = time
+            self._keep(
+                {
+                    "flow": self.flow.save(), "times": np.array(self._developed_times),
+                    "loads": np.array(self._developed_loads),
+                }
+            )  # fmt: skip
 
     # -- the run ----------------------------------------------------------------------------------------------------
 

@@ -71,7 +71,7 @@ class DevelopedHydrodynamics(Hydrodynamics, Protocol):
 
     def develop(
         self, vehicle: Vehicle, water: Water | None, macro_step: float,
-        settle: Callable[[Callable[[BodyStates], Array]], BodyStates],
+        settle: Callable[[Callable[[BodyStates], Array]], BodyStates], keep: Callable[[Any], None], begun: Any = None,
     ) -> None:  # fmt: skip
         """Find vehicle and water in equilibrium; called once, instead of `wrenches` while the vehicle settles.
 
@@ -82,6 +82,11 @@ class DevelopedHydrodynamics(Hydrodynamics, Protocol):
         settle : callable
             Takes the water's wrenches, shape (5, 6), as a function of the states (n = 1); lets the vehicle settle under
             them and returns the states at rest (n = 1). The last call leaves the vehicle where it is released.
+        keep : callable
+            Takes what is needed to go on from here, as `save` gives it, to be called every half second of the water's
+            time.
+        begun : optional
+            What `keep` was given last, by a run that ended before the release.
         """
 
 

@@ -223,6 +223,33 @@ def test_own_flow_solver_resumes_with_the_same_bits(vehicle, sand, tmp_path):
     assert_same(single, go(checkpoint=file, resume=True))
 
 
+def test_run_stopped_before_the_release_goes_on(vehicle, sand, tmp_path, monkeypatch):
+    """Stopped while the water develops, and again, later, on the way to the second place of rest."""
+    monkeypatch.setattr("exumob.hydrodynamics.coupled.KEPT_EVERY", 0.03)
+    file = tmp_path / "run.npz"
+    single = run(vehicle, sand, duration=0.01)
+    begun = []
+    for stop in (-0.06, -0.01, math.inf):
+        times = []
+
+        def watched(now, stop=stop, times=times):
+            times.append(now)
+            if now > stop:
+                raise KeyboardInterrupt
+
+        water_model = CfdHydrodynamics(StandIn(), development=SHORT, progress=watched)
+        given = {"duration": 0.01, "checkpoint": file, "resume": True, **STEPS}
+        if math.isfinite(stop):
+            with pytest.raises(KeyboardInterrupt):
+                simulate(vehicle, sand, WATER, QUICK, water_model, **given)
+        else:
+            assert_same(single, simulate(vehicle, sand, WATER, QUICK, water_model, **given))
+        begun.append(times[0])
+    assert begun[0] < -0.19
+    assert -0.11 < begun[1] < -0.05
+    assert -0.05 < begun[2] < 0.0
+
+
 def test_fault_leaves_a_checkpoint_to_go_on_from(vehicle, sand, tmp_path):
     file, flow = tmp_path / "run.npz", StandIn()
     flow.fails_at = 0.105
