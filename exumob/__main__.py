@@ -42,6 +42,15 @@ class WaterModel(StrEnum):
 
     none = "none"
     coefficients = "coefficients"
+    cfd = "cfd"
+
+
+class Scheme(StrEnum):
+    """How vehicle and flow agree within a macro step."""
+
+    explicit = "explicit"
+    semi_implicit = "semi-implicit"
+    strong = "strong"
 
 
 @app.callback()
@@ -69,6 +78,16 @@ def lane_change_command(
     duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 8.0,
     micro_step: Annotated[float, typer.Option(help="Step of the multibody solver [s].")] = 1e-4,
     macro_step: Annotated[float, typer.Option(help="Interval at which the water's loads are renewed [s].")] = 1e-3,
+    cell_size: Annotated[float, typer.Option(help="cfd: of the grid round the vehicle [m].")] = 0.0115,
+    coarse: Annotated[bool, typer.Option("--coarse", help="cfd: accept cells too coarse for gaps and wheels.")] = False,
+    coupling: Annotated[Scheme, typer.Option(help="cfd: how vehicle and flow agree.")] = Scheme.semi_implicit,
+    threads: Annotated[int, typer.Option(help="cfd: threads of the flow solver.")] = 1,
+    checkpoint: Annotated[
+        Path | None, typer.Option(help="Keep the whole run in this file, every half second of simulated time.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on from the checkpoint, if there is one, with the same bits.")
+    ] = False,
     output: Annotated[Path | None, typer.Option(help="Write the result here (netCDF).")] = None,
     figure: Annotated[Path | None, typer.Option(help="Draw the run here (.png, .pdf, .svg).")] = None,
     animate: Annotated[Path | None, typer.Option(help="Animate the run here (.gif or .mp4).")] = None,
@@ -76,9 +95,14 @@ def lane_change_command(
     """Drive the single lane change of the paper through water on soft soil.
 
     Example: exumob lane-change --depth-ratio 0.6 --current 1 --output run.nc --figure run.png
+
+    With the flow solver in the loop: exumob lane-change --hydrodynamics cfd --cell-size 0.018 --coarse --checkpoint
+    run.npz --output run.nc; when it was stopped, the same with --resume.
     """
+    from exumob.coupling import Coupling, Explicit, SemiImplicit, Strong
     from exumob.environment import Soil, Water
-    from exumob.hydrodynamics import CoefficientHydrodynamics, NoWater
+    from exumob.hydrodynamics import CfdHydrodynamics, CoefficientHydrodynamics, Hydrodynamics, NoWater, VehicleFlow
+    from exumob.hydrodynamics.coupled import development_span
     from exumob.maneuver import lane_change
     from exumob.simulation import simulate
 
@@ -93,7 +117,19 @@ def lane_change_command(
         if wet:
             direction = math.radians(current_direction)
             water = Water.at_ratio(depth_ratio, current, tire_diameter=car.wheel.diameter, current_direction=direction)
-        model = CoefficientHydrodynamics() if hydrodynamics is WaterModel.coefficients and wet else NoWater()
+        model: Hydrodynamics = NoWater()
+        scheme: Coupling | None = None
+        lead = 0.0
+        told: list[Callable[[float], None]] = []
+        if water is not None and hydrodynamics is WaterModel.coefficients:
+            model = CoefficientHydrodynamics()
+        elif water is not None and hydrodynamics is WaterModel.cfd:
+            from exumob.flow import FlowSettings
+
+            flow = VehicleFlow(cell_size, settings=FlowSettings(threads=threads), allow_coarse=coarse)
+            model = developed = CfdHydrodynamics(flow, progress=lambda time: told[0](time))
+            lead = development_span(developed.development, water)
+            scheme = {"explicit": Explicit, "semi-implicit": SemiImplicit, "strong": Strong}[coupling.value]()
         maneuver = lane_change(math.radians(steering), wheel_speed)
         ground = Soil.published(soil)
     except (ValueError, OSError, ImportError) as error:
@@ -102,11 +138,12 @@ def lane_change_command(
     from exumob.errors import SimulationError, SimulationInterrupted
 
     code = 0
-    with _progress(duration, "settling", "driving") as advance:
+    with _progress(duration, "settling", "driving", lead) as advance:
+        told.append(advance)
         try:
             result = simulate(
                 car, ground, water, maneuver, model, duration=duration, micro_step=micro_step, macro_step=macro_step,
-                progress=advance,
+                coupling=scheme, checkpoint=checkpoint, resume=resume, progress=advance,
             )  # fmt: skip
         except (ValueError, OSError, ImportError) as error:
             _fail(error)
@@ -118,6 +155,8 @@ def lane_change_command(
         except SimulationInterrupted as stop:
             result, code = stop.result, 130
             errors.print(f"[yellow]{stop}[/yellow]; what was computed until then follows.", highlight=False)
+    if code and checkpoint is not None and checkpoint.exists():
+        errors.print(f"{checkpoint} holds the run: the same command with --resume goes on.", highlight=False)
     _report(result, targets)
     raise typer.Exit(code)
 
@@ -234,14 +273,22 @@ app.command("verify")(verify_command)
 
 
 @contextmanager
-def _progress(duration: float, before: str = "preparing", during: str = "towing") -> Iterator[Callable[[float], None]]:
-    """Bar with the time remaining; yields what takes the simulated time reached [s]."""
+def _progress(
+    duration: float, before: str = "preparing", during: str = "towing", lead: float = 0.0
+) -> Iterator[Callable[[float], None]]:
+    """Bar with the time remaining; yields what takes the simulated time reached [s], from -lead on."""
     with Progress(
-        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.2f} of {task.total:g} s"),
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[now]:.2f} of {task.fields[end]:g} s"),
         TimeRemainingColumn(), console=errors, transient=True,
     ) as bar:  # fmt: skip
-        task = bar.add_task(before, total=duration)
-        yield lambda time: bar.update(task, completed=time, description=during)
+        task = bar.add_task(before, total=duration + lead, now=-lead, end=duration)
+
+        def reached(time: float) -> None:
+            bar.update(
+                task, completed=time + lead, now=time, description=during if time > 0.0 else "developing the water"
+            )  # fmt: skip
+
+        yield reached
 
 
 def _keep_state(error: SimulationError, output: Path | None) -> None:

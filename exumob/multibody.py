@@ -125,6 +125,7 @@ class MultibodyVehicle:
         self._command = [0.0, 0.0, 0.0]  # front-left and front-right steering angle, wheel speed
         self._driving = False  # until the vehicle has settled: wheels locked, steering as at time 0
         self._rates = np.zeros(3)  # of the two angles, and the wheel speed again
+        self._water: tuple[Array, Array, float] | None = None  # mean, rate and middle of a load that changes in a step
 
         self._container = exu.SystemContainer()
         self.mbs = self._container.AddSystem()
@@ -360,6 +361,9 @@ class MultibodyVehicle:
     def _before_residual(self, mbs: Any, time: float, newton_iteration: int, discontinuous_iteration: int) -> None:
         if newton_iteration == 0:
             self._set_command(time)
+            if self._water is not None:
+                mean, rate, middle = self._water
+                self.loads[0]["water"] = mean + (time - middle) * rate
         vehicle_loads(self.model, self._heights, self._q, self._v, self._reference, self.loads)
 
     def _load_jacobian(
@@ -423,8 +427,17 @@ class MultibodyVehicle:
                 "Halve micro_step, or soften the soil, the bump stops or the maneuver."
             )
 
-    def advance(self, end_time: float, water: Array) -> None:
-        """Integrate to `end_time` [s] with the water's wrenches on the five bodies, shape (5, 6), held.
+    def advance(self, end_time: float, water: Array, rate: Array | None = None) -> None:
+        """Integrate to `end_time` with the water's wrenches on the five bodies.
+
+        Parameters
+        ----------
+        end_time : float
+            [s]
+        water : array, shape (5, 6)
+            Mean wrenches over the interval [N, N m], body axes.
+        rate : array, shape (5, 6), optional
+            Their change in time [N/s, N m/s], about the middle of the interval: the mean is kept. None: they are held.
 
         Raises
         ------
@@ -432,7 +445,12 @@ class MultibodyVehicle:
             If a wheel sinks to its centre, the motion is not finite or the integration does not converge.
         """
         self.loads[0]["water"] = water
-        self._advance(self._settings, end_time)
+        middle = 0.5 * (self.time + end_time)
+        self._water = None if rate is None else (np.array(water), np.array(rate), middle)
+        try:
+            self._advance(self._settings, end_time)
+        finally:
+            self._water = None
 
     # -- state -------------------------------------------------------------------------------------------------------
 

@@ -30,6 +30,11 @@ def provenance() -> dict[str, str]:
     }
 
 
+def versions() -> dict[str, str]:
+    """Of the packages on which the bits of a result depend."""
+    return {name: metadata.version(name) for name in ("exudyn", "numpy", "scipy", "numba")}
+
+
 def parameters_json(parameters: dict[str, Any]) -> str:
     """All parameters of a run as one JSON text.
 

@@ -12,20 +12,20 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from exumob.coupling import Coupling
 from exumob.environment import GRAVITY, Soil, Water
 from exumob.hydrodynamics import Hydrodynamics
 from exumob.hydrodynamics.states import FLOW_STATES, flow_states
 from exumob.maneuver import Maneuver
 from exumob.multibody import MultibodyVehicle
 from exumob.provenance import parameters_json, provenance
-from exumob.states import BODIES, WHEELS, Array, BodyStates
+from exumob.states import BODIES, WHEELS, WRENCH_COMPONENTS, Array, BodyStates
 from exumob.terrain import Terrain
 from exumob.vehicle import Vehicle
 
 logger = logging.getLogger(__name__)
 
 WORK_KINDS = ("soil", "damper", "water", "spin", "steering", "settling")
-WRENCH_COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 VARIABLES = {
     # name: (dimensions, units, meaning)
@@ -76,6 +76,7 @@ def build_dataset(
     terrain: Terrain,
     maneuver: Maneuver,
     hydrodynamics: Hydrodynamics,
+    coupling: Coupling,
     status: str,
     steps: dict[str, float],
     wall_times: dict[str, float],
@@ -147,14 +148,16 @@ def build_dataset(
         },
     )
     dataset = dataset.assign({f"hydrodynamics_{k}": v for k, v in hydrodynamics.record().items()})
+    dataset = dataset.merge({f"coupling_{k}": v for k, v in coupling.record().items()}, join="outer")
     dataset.attrs = provenance() | {
         "title": f"exumob run of {vehicle.name}",
         "status": status,
         "hydrodynamics": type(hydrodynamics).__name__,
+        "coupling": type(coupling).__name__,
         "parameters": parameters_json(
             {
                 "vehicle": vehicle, "soil": soil, "water": water, "terrain": terrain, "maneuver": maneuver,
-                "hydrodynamics": hydrodynamics, "steps": steps,
+                "hydrodynamics": hydrodynamics, "coupling": coupling, "steps": steps,
             }
         ),
         **wall_times,

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import logging
+import signal
+import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from exumob.checkpoint import Checkpoints, Fingerprint
 from exumob.checks import require_positive
+from exumob.coupling import Coupling, Explicit, SemiImplicit, wrenches
 from exumob.environment import Soil, Water
 from exumob.errors import SimulationError, SimulationInterrupted
-from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, NoWater
+from exumob.hydrodynamics import CoefficientHydrodynamics, DevelopedHydrodynamics, Hydrodynamics, NoWater
 from exumob.maneuver import Maneuver, lane_change
 from exumob.multibody import HISTORY_STEP, SETTLING_STEP, MultibodyVehicle
 from exumob.results import build_dataset
@@ -35,6 +41,9 @@ def simulate(
     macro_step: float = 1.0e-3,
     record_step: float = 1.0e-2,
     terrain: Terrain | None = None,
+    coupling: Coupling | None = None,
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> xr.Dataset:
     """Run one vehicle through one maneuver (paper Fig. 2: macro steps of the water, micro steps of the vehicle).
@@ -59,6 +68,13 @@ def simulate(
         Interval of the result [s]; a whole multiple of `micro_step`.
     terrain : Terrain, optional
         Default: flat at z = 0.
+    coupling : Coupling, optional
+        How vehicle and water agree within a macro step. Default: `SemiImplicit` for a flow code, `Explicit` (the
+        paper's) for models that take account of added mass themselves.
+    checkpoint : path, optional
+        File (.npz) that holds the whole run, written at the release, every half second and when it stops or breaks.
+    resume : bool
+        Go on from `checkpoint`, if there is one, with the same bits as a run that was never stopped; else begin.
     progress : callable, optional
         Called with the time reached [s] after each macro step.
 
@@ -70,7 +86,7 @@ def simulate(
     Raises
     ------
     ValueError
-        On input that cannot be run, before anything runs.
+        On input that cannot be run, before anything runs; a checkpoint of another run, or of another version, is such.
     SimulationError
         If the run breaks; ``error.result`` holds the Dataset up to then.
     SimulationInterrupted
@@ -87,37 +103,61 @@ def simulate(
             "terrain."
         )
     _check_maneuver(vehicle, maneuver, duration)
+    steps = {"duration": duration, "micro_step": micro_step, "macro_step": macro_step, "record_step": record_step}
+    active = hydrodynamics
+    scheme = coupling or (SemiImplicit() if isinstance(active, DevelopedHydrodynamics) else Explicit())
+    store = None
+    if checkpoint is not None:
+        fingerprint = Fingerprint.of(
+            {
+                "vehicle": vehicle, "soil": soil, "water": water, "terrain": terrain, "maneuver": maneuver,
+                "hydrodynamics": hydrodynamics, "coupling": scheme, "steps": steps,
+            },
+            maneuver, duration,
+        )  # fmt: skip
+        store = Checkpoints(Path(checkpoint), fingerprint, resume)
+    elif resume:
+        raise ValueError("simulate.resume: there is nothing to go on from without checkpoint; give its file.")
     began = time.perf_counter()
     model = MultibodyVehicle(vehicle, soil, maneuver, terrain, micro_step, duration, record_step)
-    active = hydrodynamics
-    hydrodynamics.start(vehicle, water, SETTLING_STEP)
-    model.settle(lambda states: _loads(active, states, lambda: states))
-    hydrodynamics.start(vehicle, water, macro_step)
+    scheme.start()
+    first = 0
+    if store is not None and store.released:
+        active.start(vehicle, water, macro_step)
+        first = store.resume(model, active, scheme)
+    else:
+        _settle(model, active, vehicle, water, macro_step, store)
+        active.start(vehicle, water, macro_step)
     settled = time.perf_counter()
-    steps = round(duration / macro_step)
 
     def result(status: str) -> xr.Dataset:
         walls = {"wall_time": time.perf_counter() - settled, "settling_wall_time": settled - began}
         return build_dataset(
-            model, vehicle, soil, water, terrain, maneuver, active, status,
-            {"duration": duration, "micro_step": micro_step, "macro_step": macro_step, "record_step": record_step},
-            walls,
+            model, vehicle, soil, water, terrain, maneuver, active, scheme, status, steps, walls
         )  # fmt: skip
 
+    stop = _StopRequest()
     try:
-        for n in range(steps):
-            loads = _loads(hydrodynamics, model.history, lambda: model.predict(macro_step))
-            model.advance((n + 1) * macro_step, loads)
-            if progress is not None:
-                progress(model.time)
+        with stop:
+            for n in range(first, round(duration / macro_step)):
+                if store is not None:
+                    store.before_step(n, model, active, scheme)
+                scheme.step(model, active, (n + 1) * macro_step)
+                if progress is not None:
+                    progress(model.time)
+                stop.check()
     except SimulationError as error:
         error.result = result(f"broke down at {model.time:.4f} s: {error}")
+        _keep(store, model, active, scheme)
         raise
     except KeyboardInterrupt:
-        raise SimulationInterrupted(model.time, result(f"interrupted at {model.time:.4f} s")) from None
+        stopped = SimulationInterrupted(model.time, result(f"interrupted at {model.time:.4f} s"))
+        _keep(store, model, active, scheme)
+        raise stopped from None
     except Exception as error:  # of a water model, a maneuver or `progress`: none of them may cost what was computed
         broken = SimulationError(f"{vehicle.name}: {type(error).__name__} at {model.time:.4f} s: {error}")
         broken.result = result(f"broke down at {model.time:.4f} s: {error}")
+        _keep(store, model, active, scheme)
         raise broken from error
     model.record_end()
     finished = result("completed")
@@ -130,15 +170,61 @@ def simulate(
     return finished
 
 
-def _loads(hydrodynamics: Hydrodynamics, history: BodyStates, predict: Callable[[], BodyStates]) -> Array:
-    """Ask the water model, and check its answer."""
-    loads = np.asarray(hydrodynamics.wrenches(history, predict))
-    name, time = type(hydrodynamics).__name__, history.time[-1]
-    if loads.shape != (5, 6):
-        raise SimulationError(f"{name}.wrenches returned shape {loads.shape} at {time:.4f} s; it must return (5, 6).")
-    if not np.isfinite(loads).all():
-        raise SimulationError(f"{name} gave a load that is not finite at {time:.4f} s; halve macro_step.")
-    return loads
+def _settle(
+    model: MultibodyVehicle, hydrodynamics: Hydrodynamics, vehicle: Vehicle, water: Water | None, macro_step: float,
+    store: Checkpoints | None,
+) -> None:  # fmt: skip
+    """Static equilibrium of the vehicle with the water's loads, the state at time 0."""
+    if isinstance(hydrodynamics, DevelopedHydrodynamics):
+
+        def settle(load: Callable[[BodyStates], Array]) -> BodyStates:
+            model.settle(load)
+            return model.present()
+
+        keep = (lambda saved: None) if store is None else store.keep_development
+        begun = None if store is None else store.development
+        hydrodynamics.develop(vehicle, water, macro_step, settle, keep, begun)
+        return
+    hydrodynamics.start(vehicle, water, SETTLING_STEP)
+    model.settle(lambda states: wrenches(hydrodynamics, states, lambda: states))
+
+
+def _keep(store: Checkpoints | None, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling) -> None:
+    """Write a checkpoint of a run that was stopped; what goes wrong there must not hide why."""
+    if store is None:
+        return
+    try:
+        store.rescue(model, hydrodynamics, coupling)
+    except Exception as error:
+        logger.warning("no further checkpoint could be written (%s); %s is the last one", error, store.file)
+
+
+class _StopRequest:
+    """Ctrl-C waits for the end of the macro step, so that nothing is left half done; a second one does not."""
+
+    def __init__(self) -> None:
+        self._asked = False
+        self._before: Any = None
+
+    def __enter__(self) -> None:
+        if threading.current_thread() is threading.main_thread():
+            self._before = signal.getsignal(signal.SIGINT)
+            if self._before is signal.default_int_handler:
+                signal.signal(signal.SIGINT, self._ask)
+
+    def __exit__(self, *_: object) -> None:
+        if self._before is signal.default_int_handler:
+            signal.signal(signal.SIGINT, self._before)
+
+    def _ask(self, number: int, frame: Any) -> None:
+        if self._asked:
+            raise KeyboardInterrupt
+        self._asked = True
+
+    def check(self) -> None:
+        """Stop now if asked to."""
+        if self._asked:
+            raise KeyboardInterrupt
 
 
 def _check_steps(duration: float, micro_step: float, macro_step: float, record_step: float) -> None:

@@ -12,6 +12,9 @@ BODIES = ("hull", "front_left", "front_right", "rear_left", "rear_right")
 
 WHEELS = BODIES[1:]
 
+WRENCH_COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+"""Force [N] and moment about the body's origin [N m], body axes."""
+
 Array = NDArray[np.float64]
 
 

@@ -13,6 +13,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -21,13 +22,10 @@ from numba import njit
 from exumob.checks import require_positive, require_within
 from exumob.environment import GRAVITY, Water
 from exumob.hydrodynamics.surface import N_SUMS, Integers, body_surfaces, wet_integrals
-from exumob.states import BODIES, Array, BodyStates
+from exumob.states import BODIES, WRENCH_COMPONENTS, Array, BodyStates
 from exumob.vehicle import Vehicle
 
 Table = tuple[tuple[float, float], ...]
-
-COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
-"""Of a wrench: force [N] and moment about the body's origin [N m] in the body's axes."""
 
 FILTER_STEPS = 2.0
 """Lag of the added-mass load behind the acceleration, in macro steps; see `filter_time`."""
@@ -204,14 +202,22 @@ class CoefficientHydrodynamics:
         """Added mass of each body at the last call, body axes about its origin [kg, kg m, kg m^2], shape (5, 6, 6)."""
         return self._added_mass_matrices.copy()
 
-    def save(self) -> tuple[Array, float, int]:
-        """Return the filtered accelerations, the time they reach and the number of macro steps recorded."""
-        return self._filtered.copy(), self._sampled_until, len(self._times)
+    def save(self, histories: bool = True) -> dict[str, Any]:
+        """Return the filtered accelerations, the time they reach and the record, or its length only."""
+        saved = {"filtered": self._filtered.copy(), "sampled_until": self._sampled_until, "count": len(self._times)}
+        if histories:
+            saved["times"] = np.array(self._times)
+            saved["parts"] = np.array(self._parts).reshape(-1, 3, 5, 6)
+            saved["filter_times"] = np.array(self._filter_times).reshape(-1, 5, 6)
+        return saved
 
-    def restore(self, saved: tuple[Array, float, int]) -> None:
+    def restore(self, saved: dict[str, Any]) -> None:
         """Return to a state given by `save`; a record kept after it is dropped."""
-        filtered, self._sampled_until, count = saved
-        self._filtered = filtered.copy()
+        self._filtered, self._sampled_until = saved["filtered"].copy(), saved["sampled_until"]
+        if "times" in saved:
+            self._times = [float(t) for t in saved["times"]]
+            self._parts, self._filter_times = list(saved["parts"]), list(saved["filter_times"])
+        count = saved["count"]
         del self._times[count:], self._parts[count:], self._filter_times[count:]
 
     def record(self) -> dict[str, xr.DataArray]:
@@ -219,7 +225,7 @@ class CoefficientHydrodynamics:
         if not self._times:
             return {}
         time = xr.Variable("macro_time", self._times, {"units": "s", "long_name": "start of the macro step"})
-        coords = {"macro_time": time, "body": list(BODIES), "component": list(COMPONENTS)}
+        coords = {"macro_time": time, "body": list(BODIES), "component": list(WRENCH_COMPONENTS)}
         parts = np.array(self._parts)
         series = {
             "hydrostatic_load": (parts[:, 0], "N, N m", "hydrostatic part of the water load, body axes"),

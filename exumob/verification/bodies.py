@@ -284,28 +284,37 @@ def momentum_gap(
     solver = FlowSolver(
         grid, (box(0.2, 0.16, 0.12, friction=0.01),), Water(0.2), replace(TANK, sharp_edges=sharp_edges)
     )
-    ahead, size = np.array([2.0, 0.0, 0.0]), np.diff(grid.x_faces)[0]
+    ahead = np.array([2.0, 0.0, 0.0])
 
     def pose(t: float) -> Poses:
         return one_pose(np.array([0.0, 0.001, height]) + 0.5 * t * t * ahead, t * ahead)
 
-    def momentum() -> float:
-        fraction, openness = solver.fraction, solver.openness.bx[2:-2, 2:-2, 3:-2]
-        mean = 0.5 * (fraction[:, :, 1:] + fraction[:, :, :-1])
-        return 1000.0 * float(np.sum(mean * openness * solver.velocity[0][:, :, 1:])) * float(size) ** 3
-
     solver.start(pose(0.0))
-    first, of_box, of_walls = momentum(), 0.0, 0.0
-    z = 0.5 * (grid.z_faces[1:] + grid.z_faces[:-1])
+    first, of_box, of_walls = water_momentum(solver), 0.0, 0.0
     for n in range(round(duration / dt)):
         of_box -= dt * solver.advance(dt * (n + 1), pose(dt * (n + 1)))[0, 0]
-        at_walls, level = solver.pressure[:, :, [0, -1]], solver.surface_height()[:, [0, -1]]
-        top = np.floor(level / size)  # in the surface cell the pressure is hydrostatic below the level
-        inside = z[None, :, None] < size * top[:, None, :]
-        force = np.sum(np.where(inside, at_walls, 0.0), axis=1) * size
-        force += 0.5 * 1000.0 * GRAVITY * (level - size * top) ** 2
-        of_walls += dt * size * float(np.sum(force[:, 0] - force[:, 1]))
-    return float((momentum() - first - of_box - of_walls) / of_box)
+        of_walls += dt * wall_force(solver)
+    return float((water_momentum(solver) - first - of_box - of_walls) / of_box)
+
+
+def water_momentum(solver: FlowSolver) -> float:
+    """Of the water in a tank with cubic cells, along x [kg m/s]."""
+    size = np.diff(solver.grid.x_faces)[0]
+    fraction, openness = solver.fraction, solver.openness.bx[2:-2, 2:-2, 3:-2]
+    mean = 0.5 * (fraction[:, :, 1:] + fraction[:, :, :-1])
+    return 1000.0 * float(np.sum(mean * openness * solver.velocity[0][:, :, 1:])) * float(size) ** 3
+
+
+def wall_force(solver: FlowSolver) -> float:
+    """Of the two end walls of a tank with cubic cells on the water, along x [N]."""
+    size, z_faces = np.diff(solver.grid.x_faces)[0], solver.grid.z_faces
+    z = 0.5 * (z_faces[1:] + z_faces[:-1])
+    at_walls, level = solver.pressure[:, :, [0, -1]], solver.surface_height()[:, [0, -1]]
+    top = np.floor(level / size)  # in the surface cell the pressure is hydrostatic below the level
+    inside = z[None, :, None] < size * top[:, None, :]
+    force = np.sum(np.where(inside, at_walls, 0.0), axis=1) * size
+    force += 0.5 * 1000.0 * GRAVITY * (level - size * top) ** 2
+    return float(size * np.sum(force[:, 0] - force[:, 1]))
 
 
 def check_momentum() -> list[Check]:

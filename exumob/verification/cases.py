@@ -8,6 +8,7 @@ from exumob.verification import (
     beds,
     bodies,
     columns,
+    coupled,
     dam_breaks,
     far_field,
     floating,
@@ -19,5 +20,5 @@ from exumob.verification import (
 
 CASES: tuple[Case, ...] = (
     *basins.CASES, *frames.CASES, *waves.CASES, *far_field.CASES, *beds.CASES, *bodies.CASES, *floating.CASES,
-    *dam_breaks.CASES, *columns.CASES, *squat.CASES, *towing.CASES,
+    *coupled.CASES, *dam_breaks.CASES, *columns.CASES, *squat.CASES, *towing.CASES,
 )  # fmt: skip

@@ -52,6 +52,17 @@ def heave_period() -> float:
     return 2.0 * math.pi / (undamped * math.sqrt(1.0 - DAMPING_RATIO**2))
 
 
+def floating_box_solver(cell_size: float, reach: float = 1.8) -> FlowSolver:
+    """The box in water with absorbing sides; see `released_box`."""
+    core = np.array([0.5 * LENGTH + 0.1, 0.5 * WIDTH + 0.1])
+    grid = Grid.stretched(
+        (*-core, 0.0), (*core, 0.6), (-reach, -reach, 0.0), (reach, reach, 0.6), cell_size, 1.05
+    )  # fmt: skip
+    return FlowSolver(
+        grid, (box(LENGTH, WIDTH, HEIGHT),), Water(DEPTH), FlowSettings(follow=None, absorbing_width=0.9)
+    )  # fmt: skip
+
+
 def released_box(
     offset: float, duration: float, cell_size: float = 0.025, dt: float = 5e-3, reach: float = 1.8
 ) -> Heave:
@@ -66,13 +77,7 @@ def released_box(
     reach : float
         Half width of the basin [m]; its outer 0.9 m absorb waves (1.3 m long at the natural frequency).
     """
-    core = np.array([0.5 * LENGTH + 0.1, 0.5 * WIDTH + 0.1])
-    grid = Grid.stretched(
-        (*-core, 0.0), (*core, 0.6), (-reach, -reach, 0.0), (reach, reach, 0.6), cell_size, 1.05
-    )  # fmt: skip
-    solver = FlowSolver(
-        grid, (box(LENGTH, WIDTH, HEIGHT),), Water(DEPTH), FlowSettings(follow=None, absorbing_width=0.9)
-    )  # fmt: skip
+    solver = floating_box_solver(cell_size, reach)
     rest = DEPTH - DRAUGHT + 0.5 * HEIGHT
 
     def pose(z: float, speed: float) -> Poses:

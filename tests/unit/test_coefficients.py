@@ -466,7 +466,7 @@ def test_record(vehicle):
         assert list(values.body.values) == list(BODIES)
         assert values.attrs["units"]
         assert values.attrs["long_name"]
-    tau = record["added_mass_filter_time"].sel(body="hull", component="force_z").values[-1]
+    tau = record["added_mass_filter_time"].sel(body="hull", component="Fz").values[-1]
     assert tau == pytest.approx(FILTER_STEPS * 5e-3 * (1.0 + model.added_mass_matrices[0, 2, 2] / vehicle.hull.mass))
 
 

@@ -19,7 +19,8 @@ OPTIONS = {
     "--depth-ratio": "0.6", "--current": "1.0", "--steering": "30", "--soil": "LETE sand",
     "--hydrodynamics": "coefficients",
     "--vehicle": None, "--duration": "8", "--micro-step": "0.0001", "--macro-step": "0.001", "--output": None,
-    "--figure": None, "--animate": None,
+    "--figure": None, "--animate": None, "--cell-size": "0.0115", "--coarse": None, "--coupling": "semi-implicit",
+    "--threads": "1", "--checkpoint": None, "--resume": None,
 }  # fmt: skip
 """Of the specification, with the defaults it states."""
 
@@ -340,3 +341,30 @@ def test_ctrl_c_while_settling_ends_without_a_traceback(tmp_path):
     assert answer.returncode == 130, answer.stderr[-1500:]
     assert "Traceback" not in answer.stderr
     assert not (tmp_path / "run.nc").exists()
+
+
+def test_flow_in_the_loop_with_a_checkpoint(tmp_path):
+    """Very coarse and short: the run completes, its checkpoint is refused without --resume and taken with it."""
+    file, output = tmp_path / "run.npz", tmp_path / "run.nc"
+    options = [
+        "--hydrodynamics", "cfd", "--cell-size", "0.08", "--coarse", "--duration", "0.004", "--current", "0",
+        "--micro-step", "1e-3", "--macro-step", "2e-3", "--checkpoint", file, "--output", output,
+    ]  # fmt: skip
+    answer = call("lane-change", *options)
+    assert answer.exit_code == 0, answer.output
+    result = load_dataset(output)
+    assert result.attrs["hydrodynamics"] == "CfdHydrodynamics"
+    assert result.attrs["coupling"] == "SemiImplicit"
+    answer = call("lane-change", *options)
+    assert answer.exit_code == 2
+    assert "exists already; resume" in plain(answer.output)
+    answer = call("lane-change", *options, "--resume")
+    assert answer.exit_code == 0, answer.output
+    for name in ("position", "water_wrench", "hydrodynamics_iterations", "coupling_iterations"):
+        np.testing.assert_array_equal(load_dataset(output)[name], result[name])
+
+
+def test_cells_too_coarse_are_said_with_exit_code_2():
+    answer = call("lane-change", "--hydrodynamics", "cfd", "--cell-size", "0.05", "--duration", "0.1")
+    assert answer.exit_code == 2
+    assert "use a cell size of 0.0115 m or less" in plain(answer.output)

@@ -345,3 +345,11 @@ def test_a_real_write_that_fails_is_an_os_error(short_run, tmp_path):
     assert process.returncode == 0, process.stderr[-2000:]
     assert process.stdout.startswith("OSError")
     assert not (tmp_path / "target.nc").exists()
+
+
+def test_what_the_water_model_adds_reaches_the_result(short_run):
+    """The parts of the load are there, with the components of the whole, and sum to it at the macro ticks."""
+    parts = sum(short_run[f"hydrodynamics_{part}_load"] for part in ("hydrostatic", "drag", "added_mass"))
+    assert np.isfinite(parts).all()
+    whole = short_run["water_wrench"].sel(time=0.02)  # held from the tick before
+    np.testing.assert_allclose(whole, parts.sel(macro_time=0.0), rtol=1e-12, atol=1e-12)
