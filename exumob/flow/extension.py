@@ -119,9 +119,10 @@ def extend(
 @njit(cache=True, error_model="numpy", inline="always")
 def _pair(q: Array, mark: NDArray[np.uint8], low: int, high: int, lowest: int) -> tuple[float, float]:
     """Sum and number of the two faces that carry labels 1 to `lowest`."""
-    a = 1.0 if np.uint8(mark[low] - np.uint8(1)) < lowest else 0.0
-    b = 1.0 if np.uint8(mark[high] - np.uint8(1)) < lowest else 0.0
-    return a * q[low] + b * q[high], a + b
+    a = np.uint8(mark[low] - np.uint8(1)) < lowest
+    b = np.uint8(mark[high] - np.uint8(1)) < lowest
+    total = (q[low] if a else 0.0) + (q[high] if b else 0.0)  # not a product: nan where nothing reached
+    return total, (1.0 if a else 0.0) + (1.0 if b else 0.0)
 
 
 @njit(cache=True, error_model="numpy")
