@@ -19,7 +19,7 @@ from exumob.hydrodynamics.states import FLOW_STATES, flow_states
 from exumob.maneuver import Maneuver
 from exumob.multibody import MultibodyVehicle
 from exumob.provenance import parameters_json, provenance
-from exumob.states import BODIES, WHEELS, WRENCH_COMPONENTS, Array, BodyStates
+from exumob.states import BODIES, WHEELS, WRENCH_COMPONENTS, Array, BodyStates, quaternions
 from exumob.terrain import Terrain
 from exumob.vehicle import Vehicle
 
@@ -98,7 +98,7 @@ def build_dataset(
     hull_velocity = states.velocity[:, 0, :2]
     values: dict[str, Array] = {
         "position": states.position,
-        "quaternion": _quaternions(rotation),
+        "quaternion": quaternions(rotation),
         "yaw": yaw,
         "pitch": -np.arcsin(np.clip(rotation[..., 2, 0], -1, 1)),
         "roll": np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
@@ -302,11 +302,3 @@ def load_dataset(file: str | Path) -> xr.Dataset:
     """Read a result written by `save_dataset` into memory."""
     with xr.open_dataset(file, engine="h5netcdf") as dataset:
         return dataset.load()
-
-
-def _quaternions(rotation: Array) -> Array:
-    """Unit quaternions (w, x, y, z), w >= 0, of rotation matrices; shape (..., 3, 3) -> (..., 4)."""
-    from scipy.spatial.transform import Rotation
-
-    q = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat(canonical=True, scalar_first=True)
-    return np.asarray(q).reshape(*rotation.shape[:-2], 4)

@@ -50,3 +50,11 @@ class BodyStates:
     def __getitem__(self, index: slice) -> BodyStates:
         """Return the states of a slice of instants (views, not copies)."""
         return BodyStates(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+
+
+def quaternions(rotation: Array) -> Array:
+    """Unit quaternions (w, x, y, z), w >= 0, of rotation matrices; shape (..., 3, 3) -> (..., 4)."""
+    from scipy.spatial.transform import Rotation
+
+    q = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat(canonical=True, scalar_first=True)
+    return np.asarray(q).reshape(*rotation.shape[:-2], 4)

@@ -16,13 +16,14 @@ from exumob.errors import SimulationError, SimulationInterrupted
 from exumob.flow.bed import lowest_bed
 from exumob.flow.body import Poses
 from exumob.flow.captive_checks import check_motion, checked_solids, front_wheel_angles, whole_multiple
-from exumob.flow.grid import HALO, Grid
+from exumob.flow.grid import Grid
 from exumob.flow.motion import CaptiveMotion, PrescribedMotion
 from exumob.flow.settings import FlowSettings
+from exumob.flow.snapshots import Snapshot, snapshots_dataset
 from exumob.flow.solver import FlowSolver
 from exumob.provenance import parameters_json, provenance
 from exumob.smoothing import smoothed, window_samples
-from exumob.states import BODIES, WHEELS, Array
+from exumob.states import BODIES, WHEELS, Array, quaternions
 from exumob.terrain import Terrain
 from exumob.vehicle import Vehicle
 
@@ -239,7 +240,7 @@ class _Record:
         self.loads: list[Array] = []
         self.poses: list[Poses] = []
         self.reports: list[tuple[float, ...]] = []
-        self.surfaces: list[tuple[float, Array, Array, Poses]] = []
+        self.snapshots: list[Snapshot] = []
 
     def keep(self, poses: Poses) -> None:
         solver = self.solver
@@ -250,7 +251,7 @@ class _Record:
         self.reports.append((r.steps, r.iterations, r.residual, r.courant, r.halvings, solver.volume_added))
 
     def keep_surface(self, poses: Poses) -> None:
-        self.surfaces.append((self.solver.time, surface_elevation(self.solver), self.solver.frame, poses))
+        self.snapshots.append(Snapshot.of(self.solver, poses))
         if self.on_snapshot is not None:
             self.on_snapshot(self.solver, poses)
 
@@ -271,7 +272,7 @@ class _Record:
             **{f"force_{part}": loads[:, k, :, :3] for k, part in enumerate(PARTS)},
             **{f"moment_{part}": loads[:, k, :, 3:] for k, part in enumerate(PARTS)},
             "position": of_poses("position", 3),
-            "quaternion": _quaternions(rotation),
+            "quaternion": quaternions(rotation),
             "yaw": np.unwrap(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]), axis=0),
             "pitch": -np.arcsin(np.clip(rotation[..., 2, 0], -1.0, 1.0)),
             "velocity": of_poses("velocity", 3),
@@ -297,79 +298,9 @@ class _Record:
                 "quaternion_component": ["w", "x", "y", "z"],
             },
         )
-        return dataset.merge(self._surfaces()) if self.surfaces else dataset
-
-    def _surfaces(self) -> xr.Dataset:
-        m = self.solver.metrics
-        times, elevations, frames, poses = zip(*self.surfaces, strict=True)
-        place = [in_grid_axes(p, frame) for p, frame in zip(poses, frames, strict=True)]
-        y, x = m.yc[HALO:-HALO], m.xc[HALO:-HALO]
-        text = "free surface above the still level; NaN where a solid pierces it"
-        return xr.Dataset(
-            {
-                "elevation": (("snapshot", "y", "x"), np.stack(elevations), {"units": "m", "long_name": text}),
-                "frame": (
-                    ("snapshot", "frame_component"), np.stack(frames),
-                    {"units": "m, m, rad", "long_name": "origin and heading of the grid in world axes"},
-                ),
-                "snapshot_position": (
-                    ("snapshot", "body", "axis"), np.stack([p for p, _ in place]),
-                    {"units": "m", "long_name": "position of the body's origin, grid axes"},
-                ),
-                "snapshot_quaternion": (
-                    ("snapshot", "body", "quaternion_component"), np.stack([_quaternions(r) for _, r in place]),
-                    {"units": "1", "long_name": "orientation, body to grid axes, scalar first"},
-                ),
-            },
-            coords={
-                "snapshot": ("snapshot", np.array(times), {"units": "s", "long_name": "time of the snapshot"}),
-                "y": ("y", y, {"units": "m", "long_name": "cell centres, grid axes, from the hull to the left"}),
-                "x": ("x", x, {"units": "m", "long_name": "cell centres, grid axes, from the hull forward"}),
-                "frame_component": ["x", "y", "yaw"],
-            },
-        )  # fmt: skip
-
-
-def in_grid_axes(poses: Poses, frame: Array) -> tuple[Array, Array]:
-    """Positions [m], shape (n, 3), and rotations, shape (n, 3, 3), in the axes of a grid at `frame` (x, y, heading)."""
-    c, s = math.cos(frame[2]), math.sin(frame[2])
-    back = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    return (poses.position - np.array([frame[0], frame[1], 0.0])) @ back.T, back @ poses.rotation
-
-
-def _quaternions(rotation: Array) -> Array:
-    from scipy.spatial.transform import Rotation
-
-    q = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat(canonical=True, scalar_first=True)
-    return np.asarray(q).reshape(*rotation.shape[:-2], 4)
-
-
-def surface_elevation(solver: FlowSolver) -> Array:
-    """Free surface above the still level [m], single precision, shape (ny, nx); NaN where a solid pierces it.
-
-    NaN also where a given bed is dry. Under an overhang (a raked bow, a hull out of the water) it is the surface
-    beneath; over a solid under water, the surface above.
-    """
-    widths = np.diff(solver.grid.z_faces)
-    fraction = solver.fraction
-    solid = solver.bodies.distance[HALO:-HALO, HALO:-HALO, HALO:-HALO] < 0.0
-    water = np.where(solid, 0.0, fraction) * widths[:, None]
-    nz = len(widths)
-    here = solid.any(axis=1)
-    lowest, highest = solid.argmax(axis=1), nz - 1 - solid[:, ::-1].argmax(axis=1)
-    levels = np.arange(nz)[:, None]
-    above = np.where(levels > highest[:, None], water, 0.0).sum(axis=1)
-    below = np.where(levels < lowest[:, None], water, 0.0).sum(axis=1)
-    beneath = np.take_along_axis(fraction, np.maximum(lowest - 1, 0)[:, None], axis=1)[:, 0]
-    dry = (lowest > 0) & (beneath < 0.5)
-    surface = solver.surface_height()
-    if solver.has_given_bed:
-        surface[surface - solver.bed_height() < 1e-3 * widths.min()] = np.nan
-    below += float(solver.grid.z_faces[0])
-    height = np.where(here, np.where(dry, below, np.nan), surface)
-    over = solver.grid.z_faces[np.minimum(highest + 1, nz)] + above
-    height = np.where(here & (above > 0.5 * widths[np.minimum(highest + 1, nz - 1)]), over, height)
-    return (height - solver.water.depth).astype(np.float32)
+        if not self.snapshots:
+            return dataset
+        return dataset.merge(snapshots_dataset(self.solver.grid, self.snapshots))
 
 
 def captive_summary(dataset: xr.Dataset) -> xr.Dataset:

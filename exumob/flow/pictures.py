@@ -21,6 +21,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.spatial.transform import Rotation
 
 from exumob.flow.render import Camera, lit, normals_of, render
+from exumob.flow.snapshots import SNAPSHOT_VARIABLES
 from exumob.flow.vehicle_surface import SEGMENTS, body_triangles, placed, stored_vehicle
 from exumob.plotting import STYLE
 from exumob.states import BODIES, Array
@@ -56,7 +57,7 @@ class SurfaceView:
         size: tuple[int, int] = (810, 540),
     ) -> None:  # fmt: skip
         """Prepare; see the class."""
-        _require_snapshots(dataset)
+        dataset = _with_snapshots(dataset)
         self.vehicle = stored_vehicle(dataset)
         self.bodies = body_triangles(self.vehicle)
         length = self.vehicle.hull.length
@@ -161,9 +162,16 @@ def _limits(elevation: Array, range_mm: float | None) -> tuple[float, float]:
     return -range_mm, range_mm
 
 
-def _require_snapshots(dataset: xr.Dataset) -> None:
+def _with_snapshots(dataset: xr.Dataset) -> xr.Dataset:
+    """A run with the snapshots' variables under the names that captive runs give them."""
+    names = {f"hydrodynamics_{name}": name for name in SNAPSHOT_VARIABLES}
+    dataset = dataset.rename({name: short for name, short in names.items() if name in dataset})
     if "elevation" not in dataset:
-        raise ValueError("the run holds no snapshots of the free surface; run captive_run with snapshots=0.05, say.")
+        raise ValueError(
+            "the run holds no snapshots of the free surface; run captive_run with snapshots=0.05, or a coupled run "
+            "with VehicleFlow(snapshots=0.05), say."
+        )
+    return dataset
 
 
 # -- the free surface --------------------------------------------------------------------------------------------------
@@ -210,7 +218,7 @@ def plot_surfaces(
 
 def plot_surface_map(axes: Axes, dataset: xr.Dataset, index: int = -1, range_mm: float | None = None) -> list[Artist]:
     """Free surface from above in the vehicle's frame; cells that a solid pierces are left blank."""
-    _require_snapshots(dataset)
+    dataset = _with_snapshots(dataset)
     elevation = 1e3 * dataset["elevation"].values[index]
     limits = _limits(1e-3 * elevation, range_mm)
     mesh = axes.pcolormesh(

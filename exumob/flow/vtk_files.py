@@ -16,8 +16,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from exumob.flow.body import Poses
-from exumob.flow.captive import in_grid_axes, surface_elevation
 from exumob.flow.grid import HALO
+from exumob.flow.snapshots import in_grid_axes, surface_elevation
 from exumob.flow.solver import FlowSolver
 from exumob.flow.vehicle_surface import body_triangles, placed
 from exumob.states import Array

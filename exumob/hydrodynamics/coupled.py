@@ -226,7 +226,7 @@ class CfdHydrodynamics:
 
     def record(self) -> dict[str, xr.DataArray]:
         """The flow's own figures, one sample a macro step, and the loads while the water developed."""
-        found: dict[str, xr.DataArray] = {}
+        found: dict[str, xr.DataArray] = self.flow.record() if isinstance(self.flow, VehicleFlow) else {}
         if self._times:
             time = xr.Variable("macro_time", self._times, {"units": "s", "long_name": "start of the macro step"})
             for name in self._reports[0]:

@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any, Protocol
 
+import xarray as xr
+
 from exumob.checks import require_positive
 from exumob.environment import Water
 from exumob.flow.body import Poses
@@ -16,6 +18,7 @@ from exumob.flow.captive import captive_grid
 from exumob.flow.captive_checks import checked_solids
 from exumob.flow.grid import Grid
 from exumob.flow.settings import FlowSettings
+from exumob.flow.snapshots import Snapshot, snapshots_dataset
 from exumob.flow.solver import FlowSolver
 from exumob.states import Array
 from exumob.vehicle import Vehicle
@@ -82,22 +85,26 @@ class VehicleFlow:
         `follow` must be 0: the window follows the hull.
     allow_coarse : bool
         Warn instead of refusing when the cells are too coarse for gaps and wheels.
+    snapshots : float, optional
+        Interval at which the free surface is kept from the release on [s], for `exumob.flow.pictures`.
     """
 
     def __init__(
         self, cell_size: float = CELL_SIZE, *, grid: Grid | None = None, settings: FlowSettings | None = None,
-        allow_coarse: bool = False,
+        allow_coarse: bool = False, snapshots: float | None = None,
     ) -> None:  # fmt: skip
-        require_positive("VehicleFlow", cell_size=cell_size)
+        require_positive("VehicleFlow", cell_size=cell_size, **({} if snapshots is None else {"snapshots": snapshots}))
         settings = FlowSettings() if settings is None else settings
         if settings.follow != 0:
             raise ValueError(f"VehicleFlow.settings: FlowSettings.follow = {settings.follow}; it must be 0, the hull.")
         self.cell_size, self.grid, self.settings, self.allow_coarse = cell_size, grid, settings, allow_coarse
         self.parameters = {
             "cell_size": cell_size, "grid": None if grid is None else asdict(grid), "settings": asdict(settings),
-            "closure": type(settings.closure).__name__, "allow_coarse": allow_coarse,
+            "closure": type(settings.closure).__name__, "allow_coarse": allow_coarse, "snapshots": snapshots,
         }  # fmt: skip
         """What was chosen, as kept in results."""
+        self.interval = snapshots
+        self.snapshots: list[Snapshot] = []
         self._built: tuple[Vehicle, Water] | None = None
 
     def start(self, vehicle: Vehicle, water: Water, poses: Poses, time: float) -> None:
@@ -116,19 +123,29 @@ class VehicleFlow:
             self.solver = FlowSolver(grid, solids, water, self.settings)
             self._built = vehicle, water
         self.solver.start(poses, time)
+        self.snapshots = []
 
     def advance(self, time: float, poses: Poses) -> Array:
         """See `FlowSide`."""
-        return self.solver.advance(time, poses)
+        loads = self.solver.advance(time, poses)
+        if self.interval is not None and time >= (len(self.snapshots) * self.interval) - 1e-9:
+            self.snapshots.append(Snapshot.of(self.solver, poses))
+        return loads
 
     def save(self) -> dict[str, Any]:
         """See `FlowSide`."""
-        return self.solver.save()
+        return {"solver": self.solver.save(), "snapshots": [dict(vars(s)) for s in self.snapshots]}
 
     def restore(self, saved: dict[str, Any]) -> None:
         """See `FlowSide`."""
-        self.solver.restore(saved)
+        self.solver.restore(saved["solver"])
+        self.snapshots = [Snapshot(**s) for s in saved["snapshots"]]
 
     def report(self) -> dict[str, float]:
         """Sub-steps, pressure iterations and what they left, Courant number, halvings, water added by the far field."""
         return asdict(self.solver.report) | {"volume_added": self.solver.volume_added}
+
+    def record(self) -> dict[str, xr.DataArray]:
+        """The snapshots, as `exumob.flow.snapshots.snapshots_dataset` gives them."""
+        found = snapshots_dataset(self.solver.grid, self.snapshots) if self.snapshots else xr.Dataset()
+        return {str(name): value for name, value in found.data_vars.items()}

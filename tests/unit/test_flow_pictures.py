@@ -16,7 +16,6 @@ from PIL import Image
 
 from exumob.environment import Water
 from exumob.flow import CaptiveMotion, FlowSettings, FlowSolver, Grid, captive_run, vehicle_solids
-from exumob.flow.captive import surface_elevation
 from exumob.flow.pictures import (
     SurfaceView,
     animate_surface,
@@ -27,6 +26,7 @@ from exumob.flow.pictures import (
     plot_surfaces,
 )
 from exumob.flow.render import Camera, render
+from exumob.flow.snapshots import surface_elevation
 from exumob.flow.vehicle_surface import body_triangles, stored_vehicle
 from exumob.flow.vtk_files import VtkSeries, surface_triangles, volume_fields
 from exumob.plotting import save_figure
