@@ -1,0 +1,200 @@
+"""The data set: packed runs, their names, and histories imported from other programs."""
+
+import csv
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.spatial.transform import Rotation
+
+from exumob import Soil, Water, lane_change, simulate
+from exumob.learning.dataset import VARIABLES, load_runs, pack
+from exumob.learning.importing import import_histories
+from exumob.results import save_dataset
+from exumob.scenarios import TRAINING, UNSEEN, Scenario
+from exumob.states import BODIES
+from vehicle_models.amphibious import amphibious_vehicle
+
+WATER = Water.at_ratio(0.6, 1.0)
+FLIP = np.array([1.0, -1.0, -1.0])
+
+
+@pytest.fixture(scope="module")
+def run():
+    """Start and a bit of steering, coefficient model."""
+    maneuver = lane_change(np.radians(20.0), 8.0)
+    return simulate(
+        amphibious_vehicle(), Soil.published("LETE sand"), WATER, maneuver, duration=2.5, micro_step=5e-4,
+        macro_step=5e-3, record_step=1e-3,
+    )  # fmt: skip
+
+
+# -- names -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["D60/U1", "D45/U0.75", "D50/U0.5/15deg", "D50/U0.5/-30deg"])
+def test_scenario_keeps_its_name(name):
+    assert Scenario.named(name).name == name
+
+
+def test_scenario_says_water_and_steering():
+    scenario = Scenario.named("D50/U0.5/15deg")
+    water = scenario.water(amphibious_vehicle())
+    assert (water.depth, water.current_speed) == (pytest.approx(0.1), 0.5)
+    assert scenario.maneuver().amplitude == pytest.approx(np.radians(15.0))
+    assert scenario.file_stem == "D50_U0.5_15deg"
+
+
+@pytest.mark.parametrize("name", ["D60", "60/1", "D60/U1/15", "d60/u1"])
+def test_other_names_are_refused(name):
+    with pytest.raises(ValueError, match="is not of the form"):
+        Scenario.named(name)
+
+
+def test_unseen_scenarios_are_not_trained_on():
+    assert len(TRAINING) == 9
+    assert len(UNSEEN) == 4
+    assert not set(TRAINING) & set(UNSEEN)
+
+
+# -- packed runs -------------------------------------------------------------------------------------------------------
+
+
+def test_packed_run_holds_motion_and_loads(run, tmp_path):
+    file = tmp_path / "run.nc"
+    save_dataset(pack(run.assign_attrs(scenario="D60/U1")), file)
+    packed = load_runs([file])["D60/U1"]
+    assert set(VARIABLES) < set(packed.data_vars)
+    assert all(v.dtype == np.float32 for v in packed.data_vars.values())
+    assert packed["water_wrench"].values == pytest.approx(run["water_wrench"].values, rel=1e-6, abs=1e-6)
+    assert "vehicle" in packed.attrs["parameters"]
+    assert packed["water_wrench_smooth"].attrs["units"] == "N, N m"
+
+
+def test_smoothed_loads_are_not_late(run):
+    """Against the raw ones moved by a few samples: nearest where they are not moved."""
+    packed = pack(run)
+    raw, smooth = (packed[name].values[:, 0, 0].astype(float) for name in ("water_wrench", "water_wrench_smooth"))
+    apart = [np.abs(np.roll(raw, shift)[50:-50] - smooth[50:-50]).mean() for shift in (-10, -5, 0, 5, 10)]
+    assert np.argmin(apart) == 2
+
+
+def test_run_that_broke_down_is_not_packed(run):
+    with pytest.raises(ValueError, match="not complete"):
+        pack(run.assign_attrs(status="broke down at 1 s"))
+
+
+def test_run_sampled_too_seldom_is_not_packed(run):
+    with pytest.raises(ValueError, match=r"record_step=1e-3"):
+        pack(run.isel(time=slice(None, None, 10)))
+
+
+# -- import ------------------------------------------------------------------------------------------------------------
+
+
+def columns_of(run, length=1.0, force=1.0, degrees=True, flip=False, world=False, speeds=True, quaternion=False):
+    """A run as another program might write it: names and values."""
+    rotation = Rotation.from_quat(run["quaternion"].values.reshape(-1, 4), scalar_first=True).as_matrix()
+    rotation = rotation.reshape(-1, 5, 3, 3)
+    wrench = run["water_wrench"].values.reshape(-1, 5, 2, 3)
+    if world:
+        wrench = np.einsum("nbij,nbkj->nbki", rotation, wrench)
+    f = FLIP if flip else np.ones(3)
+    rotation, wrench = f[:, None] * rotation * f, wrench * f
+    position, velocity = run["position"].values * f * length, run["velocity"].values * f
+    found = {"time": run["time"].values}
+    for b, body in enumerate(BODIES):
+        turn = Rotation.from_matrix(rotation[:, b])
+        found |= {f"{body}_{c}": position[:, b, k] for k, c in enumerate("xyz")}
+        if quaternion:
+            found |= {f"{body}_q{c}": turn.as_quat(scalar_first=True)[:, k] for k, c in enumerate("wxyz")}
+        else:
+            angles = turn.as_euler("ZYX", degrees=degrees)
+            found |= {f"{body}_{c}": angles[:, k] for k, c in enumerate(("yaw", "pitch", "roll"))}
+        if speeds:
+            found |= {f"{body}_v{c}": velocity[:, b, k] for k, c in enumerate("xyz")}
+        found |= {f"{body}_{'FM'[m]}{c}": wrench[:, b, m, k] * force for m in range(2) for k, c in enumerate("xyz")}
+    return found
+
+
+def write_csv(file, columns, units):
+    kinds = {**dict.fromkeys(("x", "y", "z"), "length"), **dict.fromkeys(("roll", "pitch", "yaw"), "angle")}
+    kinds |= {**dict.fromkeys(("vx", "vy", "vz"), "speed"), **dict.fromkeys(("Fx", "Fy", "Fz"), "force")}
+    kinds |= {**dict.fromkeys(("Mx", "My", "Mz"), "moment"), "time": "time"}
+    with file.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        kind = [kinds.get(name.rsplit("_", 1)[-1]) for name in columns]
+        writer.writerow([f"{n} [{units[k]}]" if k in units else n for n, k in zip(columns, kind, strict=True)])
+        writer.writerows(np.stack(list(columns.values()), axis=1).tolist())
+    return file
+
+
+SI = {"time": "s", "length": "m", "angle": "deg", "speed": "m/s", "force": "N", "moment": "N m"}
+
+
+def assert_same_run(found, run, motion=1e-3, loads=1e-3):
+    span = run["position"].values.max() - run["position"].values.min()
+    assert np.abs(found["position"].values - run["position"].values).max() < motion * span
+    late = slice(20, -20)
+    for name, scale in (("velocity", 1.0), ("angular_velocity", 1.0), ("yaw", 1.0)):
+        assert np.abs(found[name].values - run[name].values)[late].max() < 0.01 * scale
+    size = np.abs(run["water_wrench"].values).max()
+    assert np.abs(found["water_wrench"].values - run["water_wrench"].values).max() < loads * size
+    assert np.abs(found["flow_state"].values - run["flow_state"].values)[200:-20].max() < 0.02
+
+
+def test_own_run_comes_back_from_csv(run, tmp_path):
+    file = write_csv(tmp_path / "theirs.csv", columns_of(run), SI)
+    found = import_histories(file, WATER, scenario="D60/U1")
+    assert_same_run(found, run)
+    save_dataset(found, tmp_path / "found.nc")
+    assert list(load_runs([tmp_path / "found.nc"])) == ["D60/U1"]
+
+
+def test_other_units_axes_and_quaternions(run, tmp_path):
+    columns = columns_of(run, length=1e3, force=1e-3, flip=True, world=True, quaternion=True, speeds=False)
+    units = {"time": "s", "length": "mm", "force": "kN", "moment": "kN m"}
+    found = import_histories(write_csv(tmp_path / "theirs.csv", columns, units), WATER, up="-z", load_axes="world")
+    assert_same_run(found, run)
+
+
+def test_names_and_units_given_by_hand_netcdf_and_coarser_samples(run, tmp_path):
+    columns = {f"my {name}": values[::5] for name, values in columns_of(run, degrees=False).items()}
+    file = tmp_path / "theirs.nc"
+    xr.Dataset({name: ("n", values) for name, values in columns.items()}).to_netcdf(file, engine="h5netcdf")
+    names = {name.removeprefix("my "): name for name in columns}
+    found = import_histories(file, WATER, names=names, units=SI | {"angle": "rad"})
+    assert found.sizes["time"] == 2501
+    assert_same_run(found, run, loads=2e-2)
+
+
+@pytest.mark.parametrize(
+    ("change", "given", "message"),
+    [
+        (lambda c: c.pop("rear_left_Fz"), {}, "has no column 'rear_left_Fz'"),
+        (lambda c: c.update(hull_Fx=np.full(len(c["time"]), np.nan)), {}, "'hull_Fx' is not a number in row 0"),
+        (lambda c: c.update(time=c["time"][::-1]), {}, "time must rise"),
+        (lambda c: c.update(time=20.0 * c["time"]), {}, "samples lie 20 ms apart"),
+        (lambda c: c.update(time=c["time"] + 4e-4 * (np.arange(len(c["time"])) % 2)), {}, "samples are uneven"),
+        (lambda c: None, {"up": "-z"}, "y must|y to the left"),
+        (lambda c: c.update({f"{b}_vx": 3.6 * c[f"{b}_vx"] for b in BODIES}), {}, "given speeds differ"),
+        (lambda c: c.update({f"{b}_Fz": -c[f"{b}_Fz"] for b in BODIES}), {}, "pulls the vehicle down"),
+        (lambda c: c.update(hull_yaw=40.0 * np.sin(3.0 * c["time"])), {}, "contradict each other"),
+        (lambda c: None, {"units": {"mass": "kg"}}, "mass is not a kind"),
+        (lambda c: None, {"load_axes": "ship"}, "load_axes = 'ship'"),
+    ],
+)
+def test_what_contradicts_itself_is_refused(run, tmp_path, change, given, message):
+    columns = columns_of(run)
+    change(columns)
+    file = write_csv(tmp_path / "theirs.csv", columns, SI)
+    with pytest.raises(ValueError, match=message):
+        import_histories(file, WATER, **given)
+
+
+def test_no_unit_is_guessed(run, tmp_path):
+    file = write_csv(tmp_path / "theirs.csv", columns_of(run), {k: v for k, v in SI.items() if k != "force"})
+    with pytest.raises(ValueError, match=r"'hull_Fx' carries no unit"):
+        import_histories(file, WATER)
+    with pytest.raises(ValueError, match="unit 'lb' of"):
+        import_histories(file, WATER, units={"force": "lb"})
