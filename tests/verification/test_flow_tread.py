@@ -85,7 +85,7 @@ def test_no_tread_changes_nothing():
     """A tread without drag and none at all: the same bits."""
     one, two = wheel(10.0, None, steps=5).save(), wheel(10.0, Tread(0.015, 12, 0.0), steps=5).save()
     for name in one:
-        assert np.array_equal(one[name], two[name]), name
+        np.testing.assert_array_equal(one[name], two[name], name)
 
 
 def test_bad_input():

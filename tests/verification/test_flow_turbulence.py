@@ -150,7 +150,7 @@ def test_save_and_restore_bit_for_bit():
             solver.advance(0.01 * (n + 1))
     a, b = one.save(), other.save()
     for name in a:
-        assert np.array_equal(a[name], b[name]), name
+        np.testing.assert_array_equal(a[name], b[name], name)
 
 
 def test_failed_step_leaves_the_fields(monkeypatch):
