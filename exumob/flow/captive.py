@@ -228,6 +228,15 @@ def captive_grid(
     )  # fmt: skip
 
 
+def doubled_grid(vehicle: Vehicle, cell_size: float, water: Water) -> Grid:
+    """Twice the window of `captive_grid` ahead, behind and aside; same cells round the vehicle, same top."""
+    normal = captive_grid(vehicle, cell_size, water)
+    return Grid.around_vehicle(
+        vehicle, cell_size, ahead=2.0 * normal.x_faces[-1], behind=-2.0 * normal.x_faces[0],
+        aside=2.0 * normal.y_faces[-1], top=float(normal.z_faces[-1]) - 1e-6,
+    )  # fmt: skip
+
+
 # -- the record --------------------------------------------------------------------------------------------------------
 
 

@@ -32,7 +32,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from exumob.environment import GRAVITY, Water
-from exumob.flow.captive import captive_grid
+from exumob.flow.captive import doubled_grid
 from exumob.flow.grid import Grid
 from exumob.flow.motion import CaptiveMotion
 from exumob.flow.settings import FlowSettings
@@ -298,15 +298,6 @@ def plot_convergence(found: xr.Dataset) -> Figure:
         ax.set_visible(False)
     axes[0].legend(fontsize="small")
     return figure
-
-
-def doubled_grid(vehicle: Vehicle, cell_size: float, water: Water) -> Grid:
-    """Twice the window of `captive_grid` ahead, behind and aside; same cells round the vehicle, same top."""
-    normal = captive_grid(vehicle, cell_size, water)
-    return Grid.around_vehicle(
-        vehicle, cell_size, ahead=2.0 * normal.x_faces[-1], behind=-2.0 * normal.x_faces[0],
-        aside=2.0 * normal.y_faces[-1], top=float(normal.z_faces[-1]) - 1e-6,
-    )  # fmt: skip
 
 
 def compared(name: str, run: xr.Dataset, other: xr.Dataset, limit: float) -> list[Check]:

@@ -54,7 +54,7 @@ def test_two_threads_give_the_same_bits():
 
 
 def test_spray_beside_a_wheel_gathers_no_speed():
-    """Drops too thin to be resolved fly past a wheel at 1 m/s; slipping along its wall, step by step, made them 4 m/s."""
+    """Drops too thin to be resolved fly past a wheel at 1 m/s; slipping along its wall once made 4 of it."""
     grid = Grid.uniform((-0.25, -0.2, 0.0), (0.25, 0.2, 0.4), 0.02)
     settings = FlowSettings(far_x=False, far_y=False, follow=None)
     solver = FlowSolver(grid, (cylinder(0.1, 0.08, 0.01),), Water(0.05), settings)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from exumob.environment import Water
+from exumob.flow.captive import captive_grid, doubled_grid
 from exumob.flow.captive_checks import check_resolution
 from exumob.verification import runs, squat, towing
 
@@ -62,7 +63,7 @@ def test_window_and_step_comparisons_run():
     checks = towing.compared("itself", *[towing.worst_run(0.04, 0.12, 0.002, allow_coarse=True)] * 2, limit=0.0)
     assert all(check.error == 0.0 for check in checks)
     vehicle, water = towing.paper_vehicle(), Water(towing.DEPTH)
-    normal, wide = towing.captive_grid(vehicle, 0.04, water), towing.doubled_grid(vehicle, 0.04, water)
+    normal, wide = captive_grid(vehicle, 0.04, water), doubled_grid(vehicle, 0.04, water)
     for name in ("x_faces", "y_faces"):
         assert np.ptp(getattr(wide, name)) == pytest.approx(2.0 * np.ptp(getattr(normal, name)), rel=0.05)
     assert np.array_equal(wide.z_faces, normal.z_faces)
@@ -83,4 +84,4 @@ def test_slender_hull():
 def test_default_cells_are_fine_enough(measure):
     cell_size = inspect.signature(measure).parameters["cell_size"].default
     vehicle, water = towing.paper_vehicle(), Water(towing.DEPTH)
-    check_resolution(vehicle, towing.captive_grid(vehicle, cell_size, water))
+    check_resolution(vehicle, captive_grid(vehicle, cell_size, water))
