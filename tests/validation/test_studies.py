@@ -52,3 +52,23 @@ def test_vehicle_file_drives_straight_on_firm_soil(file):
     assert abs(float(result["position"].sel(body="hull", axis="y")[-1])) < 1e-6
     weight = float(result["soil_force"].sel(axis="z").sum("wheel")[0])
     assert weight == pytest.approx(vehicle.mass * 9.81, rel=1e-6)
+
+
+def test_cfd_lane_change_study_measures_and_judges():
+    """With the coefficient model in the flow's place: what is measured, and claims that hold and do not."""
+    study = load_study("cfd_lane_change")
+    result = study.main(quick=True)
+    dry, calm, current = (result.sel(run=name) for name in ("no water", "D60/U0", "D60/U1"))
+    assert float(dry["straight"]) > float(calm["straight"]) > float(current["straight"]) > 0.5
+    assert float(current["Fx"]) < 2.0 * float(calm["Fx"]) < 0.0
+    answers = {text: holds for text, _, holds in study.claims(result)}
+    assert len(answers) == 11  # without D40/U1
+    assert answers["calm water: shorter path than on dry ground"]
+    assert not answers["head current: pitch moment varies more (20 %)"]
+
+
+def test_training_data_study_packs_a_run():
+    """A hundredth of a second with the flow in the loop, in a process of its own."""
+    result = load_study("generate_training_data").main(quick=True)
+    assert list(result["scenario"].values) == ["D40/U0"]
+    assert float(result["size"][0]) > 0.05
