@@ -311,6 +311,8 @@ def compared(name: str, run: xr.Dataset, other: xr.Dataset, limit: float) -> lis
         error = float((b.mean() - a.mean()) / max(abs(a.mean()), scale if component < 3 else 0.0))
         unit = "N" if component < 3 else "N m"
         checks.append(Check(f"{body} {load}, mean, {name}", float(b.mean()), float(a.mean()), error, limit, unit))
+        apart = math.hypot(mean_uncertainty(a).error, mean_uncertainty(b).error)
+        checks.append(reported(f"{body} {load}, standard error of the difference, {name}", apart, unit=unit))
         checks.append(reported(f"{body} {load}, deviation, {name}", float(b.std()), float(a.std()), unit))
     return checks
 
