@@ -23,8 +23,8 @@ from exumob.verification.command import verify_command
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
-    from exumob.errors import SimulationError
     from exumob.vehicle import Vehicle
 
 app = typer.Typer(
@@ -135,26 +135,15 @@ def lane_change_command(
     except (ValueError, OSError, ImportError) as error:
         _fail(error)
 
-    from exumob.errors import SimulationError, SimulationInterrupted
-
-    code = 0
     with _progress(duration, "settling", "driving", lead) as advance:
         told.append(advance)
-        try:
-            result = simulate(
+        result, code = _whatever_was_computed(
+            lambda: simulate(
                 car, ground, water, maneuver, model, duration=duration, micro_step=micro_step, macro_step=macro_step,
                 coupling=scheme, checkpoint=checkpoint, resume=resume, progress=advance,
-            )  # fmt: skip
-        except (ValueError, OSError, ImportError) as error:
-            _fail(error)
-        except SimulationError as error:
-            if error.result is None:
-                _fail(error)
-            result, code = error.result, 1
-            errors.print(f"[red]{error}[/red]\nWhat was computed until then follows.", highlight=False)
-        except SimulationInterrupted as stop:
-            result, code = stop.result, 130
-            errors.print(f"[yellow]{stop}[/yellow]; what was computed until then follows.", highlight=False)
+            ),
+            output,
+        )  # fmt: skip
     if code and checkpoint is not None and checkpoint.exists():
         errors.print(f"{checkpoint} holds the run: the same command with --resume goes on.", highlight=False)
     _report(result, targets)
@@ -217,27 +206,15 @@ def captive_command(
     except (ValueError, OSError, ImportError) as error:
         _fail(error)
 
-    from exumob.errors import SimulationError, SimulationInterrupted
-
-    code = 0
     with _progress(duration) as advance:
-        try:
-            result = captive_run(
+        result, code = _whatever_was_computed(
+            lambda: captive_run(
                 car, water, motion, cell_size=cell_size, duration=duration, interval=interval, settings=settings,
                 snapshots=max(round(0.05 / interval), 1) * interval if figure or animate or vtk else None,
                 on_snapshot=series.add if series else None, allow_coarse=coarse, progress=advance,
-            )  # fmt: skip
-        except (ValueError, OSError, ImportError) as error:
-            _fail(error)
-        except SimulationError as error:
-            if error.result is None:
-                _fail(error)
-            result, code = error.result, 1
-            errors.print(f"[red]{error}[/red]\nWhat was computed until then follows.", highlight=False)
-            _keep_state(error, output)
-        except SimulationInterrupted as stop:
-            result, code = stop.result, 130
-            errors.print(f"[yellow]{stop}[/yellow]; what was computed until then follows.", highlight=False)
+            ),
+            output,
+        )  # fmt: skip
     _report_captive(result, targets)
     if series:
         console.print(f"ParaView  {series.file}", highlight=False)
@@ -291,14 +268,28 @@ def _progress(
         yield reached
 
 
-def _keep_state(error: SimulationError, output: Path | None) -> None:
-    """Write the flow before the failed step beside the result."""
-    if output is not None and error.state is not None:
-        import numpy as np
+def _whatever_was_computed(run: Callable[[], xr.Dataset], output: Path | None) -> tuple[xr.Dataset, int]:
+    """Result of a run, whole or up to where it broke or was stopped, and the exit code that says which."""
+    from exumob.errors import SimulationError, SimulationInterrupted
 
-        target = output.with_suffix(".state.npz")
-        np.savez(target, **error.state)
-        errors.print(f"State before the failed step (FlowSolver.restore): {target}", highlight=False, soft_wrap=True)
+    try:
+        return run(), 0
+    except (ValueError, OSError, ImportError) as error:
+        _fail(error)
+    except SimulationError as error:
+        if error.result is None:
+            _fail(error)
+        errors.print(f"[red]{error}[/red]\nWhat was computed until then follows.", highlight=False)
+        if output is not None and error.state is not None:
+            import numpy as np
+
+            target = output.with_suffix(".state.npz")
+            np.savez(target, **error.state)
+            errors.print(f"Flow before the failed step (FlowSolver.restore): {target}", highlight=False, soft_wrap=True)
+        return error.result, 1
+    except SimulationInterrupted as stop:
+        errors.print(f"[yellow]{stop}[/yellow]; what was computed until then follows.", highlight=False)
+        return stop.result, 130
 
 
 def _vehicle(file: Path | None) -> Vehicle:
@@ -338,35 +329,29 @@ def _check_targets(targets: dict[str, Path | None]) -> None:
 
 
 def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
-    from exumob.results import save_dataset, summary
+    from exumob.plotting import animate_run, plot_run
+    from exumob.results import summary
 
     if result.sizes["time"] > 1:
         _print_summary(result, summary(result))
-    if targets["--output"]:
-        console.print(f"result    {save_dataset(result, targets['--output'])}", highlight=False)
-    if not (targets["--figure"] or targets["--animate"]):
-        return
-    if result.sizes["time"] < 3:
-        errors.print("[yellow]too little was computed to draw it[/yellow]")
-        return
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from exumob.plotting import animate_run, plot_run, save_figure
-
-    if targets["--figure"]:
-        console.print(f"figure    {save_figure(plot_run(result), targets['--figure'])}", highlight=False)
-    if targets["--animate"]:
-        with errors.status("drawing the animation"):
-            animate_run(result, targets["--animate"])
-        console.print(f"animation {targets['--animate']}", highlight=False)
+    _write(result, targets, plot_run, animate_run)
 
 
 def _report_captive(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
-    from exumob.results import save_dataset
+    from exumob.flow.pictures import animate_surface, plot_captive
 
     if result.sizes["time"] > 1:
         _print_loads(result)
+    _write(result, targets, plot_captive, animate_surface)
+
+
+def _write(
+    result: xr.Dataset, targets: dict[str, Path | None], plot: Callable[[xr.Dataset], Figure],
+    animate: Callable[[xr.Dataset, Path], None],
+) -> None:  # fmt: skip
+    """Write the result, and draw it where that was asked for."""
+    from exumob.results import save_dataset
+
     if targets["--output"]:
         console.print(f"result    {save_dataset(result, targets['--output'])}", highlight=False)
     if not (targets["--figure"] or targets["--animate"]):
@@ -377,14 +362,13 @@ def _report_captive(result: xr.Dataset, targets: dict[str, Path | None]) -> None
     import matplotlib
 
     matplotlib.use("Agg")
-    from exumob.flow.pictures import animate_surface, plot_captive
     from exumob.plotting import save_figure
 
     if targets["--figure"]:
-        console.print(f"figure    {save_figure(plot_captive(result), targets['--figure'])}", highlight=False)
+        console.print(f"figure    {save_figure(plot(result), targets['--figure'])}", highlight=False)
     if targets["--animate"]:
         with errors.status("drawing the animation"):
-            animate_surface(result, targets["--animate"])
+            animate(result, targets["--animate"])
         console.print(f"animation {targets['--animate']}", highlight=False)
 
 

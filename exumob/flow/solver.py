@@ -204,16 +204,16 @@ class FlowSolver:
         sums = np.zeros((3, len(self.solids), 6))
         parts, iterations, residual, courant, halvings = 0, 0, 0.0, 0.0, 0
         state, done = self._state, 0.0
-        least = LEAST_STEP * math.sqrt(self.grid.smallest_width / GRAVITY)
+        least = min(LEAST_STEP * math.sqrt(self.grid.smallest_width / GRAVITY), interval)
         # a change of the step makes the loads jump for one step (by what small faces exchange): change it seldom
         pieces = math.ceil(interval / state.step - 1e-9) if state.calm < CALM_STEPS and state.step > 0.0 else 1
         numba.set_num_threads(self.settings.threads)
         while done < 1.0 - 1e-12:
+            if not self._state.courant_rate * least < self.settings.courant:
+                raise self._stopped(f"the flow is too fast for steps of {least:.2e} s")
             wanted = math.ceil(interval * self._state.courant_rate / self.settings.courant - 1e-9)
             self._state.calm = 0 if wanted >= pieces and wanted > 1 else self._state.calm + 1
             pieces = max(pieces, wanted)
-            if wanted > 1 and interval < wanted * least:
-                raise self._stopped(f"the flow is too fast for steps of {least:.2e} s")
             share = min((1.0 - done) / max(1, round((1.0 - done) * pieces)), 1.0 - done)
             end = done + share if done + share < 1.0 - 1e-9 else 1.0
             there = poses if end == 1.0 else interpolate(begin, poses, interval, end)
