@@ -126,7 +126,10 @@ def lane_change_command(
         elif water is not None and hydrodynamics is WaterModel.cfd:
             from exumob.flow import FlowSettings
 
-            flow = VehicleFlow(cell_size, settings=FlowSettings(threads=threads), allow_coarse=coarse)
+            flow = VehicleFlow(
+                cell_size, settings=FlowSettings(threads=threads), allow_coarse=coarse,
+                snapshots=0.05 if animate else None,
+            )  # fmt: skip
             model = developed = CfdHydrodynamics(flow, progress=lambda time: told[0](time))
             lead = development_span(developed.development, water)
             scheme = {"explicit": Explicit, "semi-implicit": SemiImplicit, "strong": Strong}[coupling.value]()
@@ -334,7 +337,10 @@ def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
 
     if result.sizes["time"] > 1:
         _print_summary(result, summary(result))
-    _write(result, targets, plot_run, animate_run)
+    animate: Callable[[xr.Dataset, Path], None] = animate_run
+    if "hydrodynamics_elevation" in result:
+        from exumob.flow.pictures import animate_surface as animate
+    _write(result, targets, plot_run, animate)
 
 
 def _report_captive(result: xr.Dataset, targets: dict[str, Path | None]) -> None:

@@ -364,6 +364,18 @@ def test_flow_in_the_loop_with_a_checkpoint(tmp_path):
         np.testing.assert_array_equal(load_dataset(output)[name], result[name])
 
 
+def test_flow_in_the_loop_is_animated_with_its_surface(tmp_path):
+    options = ["--hydrodynamics", "cfd", "--cell-size", "0.08", "--coarse", "--duration", "0.1", "--current", "0"]
+    steps = ["--micro-step", "1e-3", "--macro-step", "5e-3"]
+    animation, output = tmp_path / "run.gif", tmp_path / "run.nc"
+    answer = call("lane-change", *options, *steps, "--animate", animation, "--output", output)
+    assert answer.exit_code == 0, answer.output
+    assert animation.stat().st_size > 1000
+    surface = load_dataset(output)["hydrodynamics_elevation"]
+    assert surface["snapshot"].values == pytest.approx([0.0, 0.05, 0.1], abs=1e-9)
+    assert 0.0 < float(np.abs(surface).max()) < 0.05
+
+
 def test_cells_too_coarse_are_said_with_exit_code_2():
     answer = call("lane-change", "--hydrodynamics", "cfd", "--cell-size", "0.05", "--duration", "0.1")
     assert answer.exit_code == 2
