@@ -295,8 +295,8 @@ def plot_convergence(found: xr.Dataset) -> Figure:
         ax.set(title=str(load), xlabel="cell size [mm]", ylabel="N m" if str(load).endswith("My") else "N")
         ax.set_xlim(left=-1.0)
     for ax in axes[found.sizes["load"] :]:
-        ax.set_visible(False)
-    axes[0].legend(fontsize="small")
+        ax.set_axis_off()
+    axes[-1].legend(*axes[0].get_legend_handles_labels(), fontsize="small", loc="center")
     return figure
 
 
