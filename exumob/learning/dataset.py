@@ -6,14 +6,21 @@ states of paper Eq. (7) and the wrenches on the five bodies, raw and smoothed. `
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from exumob.environment import Water
+from exumob.hydrodynamics import CoefficientHydrodynamics
 from exumob.results import load_dataset
 from exumob.smoothing import WINDOW, smoothed, window_samples
+from exumob.states import Array, BodyStates
+from exumob.vehicle import Vehicle
 
 SAMPLING = 1.0e-3
 """Interval of a packed run [s]."""
@@ -29,6 +36,10 @@ SURFACE_INTERVAL = 2.0
 """Between the free surfaces kept [s], as paper Fig. 9."""
 EFFORT = ("coupling_iterations", "coupling_residual", "hydrodynamics_iterations", "hydrodynamics_halvings")
 """What a run with the flow in the loop says of its own making: mean and largest value are kept as attributes."""
+JUMP = 10.0
+"""See `usable`."""
+JUMP_REACH = 20
+"""Instants left out on either side of a jump."""
 
 
 def pack(run: xr.Dataset) -> xr.Dataset:
@@ -89,3 +100,54 @@ def _check_sampling(time: np.ndarray, name: str = "the run") -> None:
         raise ValueError(
             f"{name} is not sampled every {1e3 * SAMPLING:g} ms ({found}); record it with simulate(record_step=1e-3)."
         )
+
+
+def body_states(run: xr.Dataset) -> BodyStates:
+    """Motion of a packed or imported run."""
+    q = run["quaternion"].values.astype(float)
+    rotation = Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_matrix().reshape(*q.shape[:2], 3, 3)
+    spin = run["wheel_speed"].values if "wheel_speed" in run else np.full((len(q), 4), np.nan)
+    moved = (run[name].values.astype(float) for name in ("position", "velocity", "angular_velocity", "acceleration"))
+    position, velocity, angular_velocity, acceleration = moved
+    return BodyStates(
+        run["time"].values.astype(float), position, rotation, velocity, angular_velocity, acceleration,
+        run["angular_acceleration"].values.astype(float), spin.astype(float),
+    )  # fmt: skip
+
+
+def water_of(run: xr.Dataset) -> Water:
+    """Water in which a run was made."""
+    stored = json.loads(run.attrs["parameters"])["water"]
+    if stored is None:
+        raise ValueError(f"{run.attrs.get('scenario', 'the run')}: made without water; there is nothing to learn.")
+    return Water(**next(iter(stored.values())))
+
+
+def usable(run: xr.Dataset) -> NDArray[np.bool_]:
+    """Instants whose loads are the water's: False near a jump of the coupling.
+
+    A jump: the raw loads of some body leave the smoothed ones by more than `JUMP` times what 99 % of the instants do
+    (and by 1 N or N m at least).
+
+    Returns
+    -------
+    array, shape (n,)
+    """
+    off = np.abs(run["water_wrench"].values - run["water_wrench_smooth"].values)
+    limit = np.maximum(JUMP * np.quantile(off, 0.99, axis=0), 1.0)
+    jumps = np.flatnonzero((off > limit).any(axis=(1, 2)))
+    good = np.ones(len(off), bool)
+    for jump in jumps:
+        good[max(jump - JUMP_REACH, 0) : jump + JUMP_REACH + 1] = False
+    return good
+
+
+def base_loads(run: xr.Dataset, vehicle: Vehicle) -> Array:
+    """Loads of the coefficient model along a run, as it gives them in the loop every millisecond; shape (n, 5, 6)."""
+    model, states = CoefficientHydrodynamics(), body_states(run)
+    model.start(vehicle, water_of(run), SAMPLING)
+
+    def never() -> BodyStates:
+        raise AssertionError("the coefficient model needs no prediction")
+
+    return np.stack([model.wrenches(states[max(n - 1, 0) : n + 1], never) for n in range(len(states))])

@@ -1,0 +1,83 @@
+"""How good networks are: against the loads of the runs (open loop) and driving the vehicle (closed loop)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from exumob.environment import Soil
+from exumob.hydrodynamics.inputs import network_inputs
+from exumob.hydrodynamics.interface import Hydrodynamics
+from exumob.hydrodynamics.networks import NetworkSet
+from exumob.learning.dataset import SAMPLING, base_loads, body_states, usable, water_of
+from exumob.reference_runs import SOIL
+from exumob.scenarios import Scenario
+from exumob.simulation import simulate
+from exumob.states import BODIES, WRENCH_COMPONENTS, Array
+from exumob.vehicle import Vehicle
+
+FAST = {"micro_step": 5e-4, "macro_step": 20e-3}
+"""The paper's fast setting (Sec. 5.3)."""
+FINE = {"micro_step": 1e-4, "macro_step": 1e-3}
+"""Its first setting, that of the CFD-MBD runs."""
+THINNING = 4
+"""Every so many milliseconds the loads are compared."""
+
+
+def predicted_loads(network: NetworkSet, run: xr.Dataset, vehicle: Vehicle, rows: np.ndarray) -> Array:
+    """Loads along a run's own motion at some of its instants (open loop), shape (len(rows), 5, 6)."""
+    architecture = network.architecture
+    inputs = network_inputs(body_states(run), water_of(run), architecture.inputs)
+    back = architecture.stride * np.arange(architecture.taps - 1, -1, -1)
+    windows = np.moveaxis(inputs[np.maximum(rows[:, None] - back, 0)], 2, 1)
+    loads = network.many_loads(windows)
+    if architecture.base == "coefficients":
+        loads = loads + base_loads(run, vehicle)[rows]
+    return loads
+
+
+def open_loop(network: NetworkSet, run: xr.Dataset, vehicle: Vehicle) -> xr.DataArray:
+    """Root mean square error of the loads over the standard deviation of the run's, smoothed; dims (body, component)."""
+    rows = np.flatnonzero(usable(run))[::THINNING]
+    loads, reference = predicted_loads(network, run, vehicle, rows), run["water_wrench_smooth"].values[rows]
+    error = np.sqrt(np.mean((loads - reference) ** 2, axis=0)) / np.maximum(reference.std(axis=0), 1e-9)
+    return xr.DataArray(error, {"body": list(BODIES), "component": list(WRENCH_COMPONENTS)}, ("body", "component"))
+
+
+def drive(
+    scenario: Scenario, water: Hydrodynamics, vehicle: Vehicle, steps: Mapping[str, float] = FAST, soil: str = SOIL
+) -> xr.Dataset:
+    """The scenario's lane change with a model of the water, as the CFD-MBD runs were made."""
+    return simulate(
+        vehicle, Soil.published(soil), scenario.water(vehicle), scenario.maneuver(), water, record_step=10e-3, **steps
+    )  # fmt: skip
+
+
+def closed_loop(run: xr.Dataset, reference: xr.Dataset) -> dict[str, float]:
+    """How far a run ends from a reference.
+
+    Returns
+    -------
+    dict
+        path, final [%]: root mean square and final distance in the plane over the length of the reference's path; yaw
+        [deg], lateral_velocity [m/s]: root mean square; forward, lateral [m]: the run's displacement less the
+        reference's.
+    """
+    times = run["time"].values
+    rows = np.clip(np.round(times / SAMPLING).astype(int), 0, reference.sizes["time"] - 1)
+    path, true = (r["position"].sel(body="hull").values[:, :2].astype(float) for r in (run, reference))
+    length = float(np.hypot(*np.diff(true, axis=0).T).sum())
+    off = (path - path[0]) - (true[rows] - true[0])
+    distance = np.hypot(*off.T)
+    yaw = np.degrees(run["yaw"].sel(body="hull").values - reference["yaw"].sel(body="hull").values[rows])
+    drift = run["lateral_velocity"].values - reference["lateral_velocity"].values[rows]
+    return {
+        "path": 100.0 * float(np.sqrt(np.mean(distance**2))) / length,
+        "final": 100.0 * float(distance[-1]) / length,
+        "yaw": float(np.sqrt(np.mean(yaw**2))),
+        "lateral_velocity": float(np.sqrt(np.mean(drift**2))),
+        "forward": float(off[-1, 0]),
+        "lateral": float(off[-1, 1]),
+    }
