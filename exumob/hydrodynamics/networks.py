@@ -28,6 +28,8 @@ Single = NDArray[np.float32]
 FORMAT, VERSION = "exumob networks", 1
 SAMPLING = 1.0e-3
 """Interval at which networks see the past [s]."""
+EDGE = 0.05
+"""Share of an input's training range by which it may leave it before it is held."""
 GEOMETRY = (
     "hull.length", "hull.width", "hull.height", "hull.ground_clearance", "hull.center_of_mass_height",
     "hull.center_of_mass_x", "hull.center_x", "hull.bow_length", "hull.bow_height", "hull.mesh", "wheel.diameter",
@@ -134,7 +136,7 @@ class NetworkSet:
             "outputs": WRENCH_COMPONENTS, "output_units": ["N"] * 3 + ["N m"] * 3,
         }  # fmt: skip
         path = Path(file)
-        tensors = {name: np.ascontiguousarray(a) for name, a in self.arrays.items()}
+        tensors = {name: np.array(a, order="C") for name, a in self.arrays.items()}
         data = save(tensors, {"exumob": json.dumps(header)})
         partial = path.with_name(f".{path.name}.partial")
         try:
@@ -187,9 +189,15 @@ class NetworkSet:
         return found.hexdigest()[:16]
 
     def scaled(self, inputs: Array) -> Single:
-        """Inputs less their mean over their scale; shape (..., 5, taps, k)."""
-        mean, scale = (self.arrays[name][:, None, :] for name in ("input_mean", "input_scale"))
-        return np.asarray((inputs - mean) / scale, np.float32)
+        """Inputs less their mean over their scale; shape (..., 5, taps, k).
+
+        Inputs outside their training range are first held at its edge: no network is asked for what it cannot know.
+        """
+        mean, scale, low, high = (
+            self.arrays[name][:, None, :] for name in ("input_mean", "input_scale", "input_low", "input_high")
+        )
+        edge = EDGE * (high - low)
+        return np.asarray((np.clip(inputs, low - edge, high + edge) - mean) / scale, np.float32)
 
     def loads(self, inputs: Array) -> Array:
         """Loads of the five networks for one instant.

@@ -8,6 +8,7 @@ says where and how far.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -92,6 +93,8 @@ class SurrogateHydrodynamics:
         if water is None:
             return np.zeros((5, 6))
         base = None if self._coefficients is None else self._coefficients.wrenches(history, predict)
+        if len(history) == 1:  # no past: it settles, or is about to be released
+            history = _at_rest(history)
         members, excess = [], []
         for (names, taps, stride), networks in self._groups:
             inputs = network_inputs(_rows(history, window_rows(history.time, taps, stride)), water, names)
@@ -174,6 +177,12 @@ def shipped_networks() -> list[Path]:
     """Files of the networks that come with exumob: for the amphibious vehicle, 40 to 60 % depth, 0 to 1 m/s ahead."""
     folder = Path(str(resources.files("exumob") / "networks"))
     return sorted(folder.glob("*.safetensors"))
+
+
+def _at_rest(states: BodyStates) -> BodyStates:
+    """Without the small motions of settling, whose directions would be taken for sideslip angles."""
+    still = np.zeros_like(states.velocity)
+    return replace(states, velocity=still, angular_velocity=still)
 
 
 def _rows(history: BodyStates, rows: np.ndarray) -> BodyStates:

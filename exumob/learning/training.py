@@ -303,7 +303,7 @@ def _fit_and_keep(
 
     arrays = fit_body(found, learn, test, preset, seed, body, told)
     partial = part.with_suffix(".partial")
-    save_file({n: np.ascontiguousarray(a) for n, a in arrays.items()}, partial)
+    save_file({n: np.array(a, order="C") for n, a in arrays.items()}, partial)
     partial.replace(part)
     loss = float(arrays["held_back_loss"].min())
     queue.put(Progress(preset.name, seed, BODIES[body], len(arrays["held_back_loss"]), loss, True))
