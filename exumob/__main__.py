@@ -1,4 +1,4 @@
-"""The command line: `exumob lane-change`, `exumob captive`, `exumob soils`, `exumob verify`."""
+"""The command line: `exumob lane-change`, `exumob captive`, `exumob train`, `exumob soils`, `exumob verify`."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+    from exumob.hydrodynamics import Hydrodynamics
     from exumob.vehicle import Vehicle
 
 app = typer.Typer(
@@ -42,6 +43,7 @@ class WaterModel(StrEnum):
 
     none = "none"
     coefficients = "coefficients"
+    networks = "networks"
     cfd = "cfd"
 
 
@@ -71,7 +73,14 @@ def lane_change_command(
     steering: Annotated[float, typer.Option(help="Steering amplitude [deg]; negative mirrors the maneuver.")] = 30.0,
     wheel_speed: Annotated[float, typer.Option(help="Final wheel speed [rad/s].")] = 10.0,
     soil: Annotated[str, typer.Option(help="A published soil; `exumob soils` lists them.")] = "LETE sand",
-    hydrodynamics: Annotated[WaterModel, typer.Option(help="Water model.")] = WaterModel.coefficients,
+    hydrodynamics: Annotated[
+        WaterModel | None,
+        typer.Option(help="Water model; default: networks where they fit the vehicle, else coefficients."),
+    ] = None,
+    networks: Annotated[
+        list[Path] | None,
+        typer.Option(help="networks: a file of `exumob train`; several are an ensemble. Default: the shipped ones."),
+    ] = None,
     vehicle: Annotated[
         Path | None, typer.Option(help="Vehicle file (Python); default: the paper's 57 kg amphibious vehicle.")
     ] = None,
@@ -101,7 +110,7 @@ def lane_change_command(
     """
     from exumob.coupling import Coupling, Explicit, SemiImplicit, Strong
     from exumob.environment import Soil, Water
-    from exumob.hydrodynamics import CfdHydrodynamics, CoefficientHydrodynamics, Hydrodynamics, NoWater, VehicleFlow
+    from exumob.hydrodynamics import CfdHydrodynamics, CoefficientHydrodynamics, NoWater, VehicleFlow
     from exumob.hydrodynamics.coupled import development_span
     from exumob.maneuver import lane_change
     from exumob.simulation import simulate
@@ -121,7 +130,9 @@ def lane_change_command(
         scheme: Coupling | None = None
         lead = 0.0
         told: list[Callable[[float], None]] = []
-        if water is not None and hydrodynamics is WaterModel.coefficients:
+        if water is not None and hydrodynamics in (WaterModel.networks, None):
+            model = _networks(networks, car, required=hydrodynamics is not None or bool(networks))
+        elif water is not None and hydrodynamics is WaterModel.coefficients:
             model = CoefficientHydrodynamics()
         elif water is not None and hydrodynamics is WaterModel.cfd:
             from exumob.flow import FlowSettings
@@ -224,6 +235,72 @@ def captive_command(
     raise typer.Exit(code)
 
 
+@app.command("train")
+def train_command(
+    preset: Annotated[list[str] | None, typer.Option(help="What to train, by name; repeatable. Default: all.")] = None,
+    data: Annotated[Path, typer.Option(help="Folder of CFD-MBD runs (packed or imported, netCDF).")] = Path(
+        "data/cfd_mbd"
+    ),
+    seeds: Annotated[int, typer.Option(help="Networks of each body: seeds 0, 1, ...")] = 5,
+    output: Annotated[Path, typer.Option(help="Folder for the networks.")] = Path("networks"),
+    vehicle: Annotated[
+        Path | None, typer.Option(help="Vehicle file of the runs; default: the paper's 57 kg amphibious vehicle.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="Processes, one thread each.")] = 2,
+) -> None:
+    """Train networks for the water's loads from runs with the flow in the loop.
+
+    What is finished is kept at once; the same command goes on where it was stopped.
+
+    Example: exumob train --preset paper-lstm --seeds 5 --output networks
+    """
+    try:
+        from exumob.learning.presets import PRESETS
+        from exumob.learning.training import Progress as Step
+        from exumob.learning.training import train, training_runs
+
+        wanted = preset or list(PRESETS)
+        unknown = [name for name in wanted if name not in PRESETS]
+        if unknown:
+            raise ValueError(f"--preset {unknown[0]} is not known; use {', '.join(PRESETS)}.")
+        if seeds < 1 or jobs < 1:
+            raise ValueError(f"--seeds {seeds} and --jobs {jobs} must be at least 1.")
+        runs = training_runs(data)
+        car = _vehicle(vehicle)
+        output.mkdir(parents=True, exist_ok=True)
+    except (ValueError, OSError) as error:
+        _fail(error)
+    except ImportError as error:
+        _fail(ImportError(f"{error}; training needs torch: pip install 'exumob[train]'"))
+
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} of {task.total} networks"),
+        TimeRemainingColumn(), console=errors, transient=True,
+    ) as bar:  # fmt: skip
+        task = bar.add_task("training", total=5 * seeds * len(wanted))
+
+        def told(step: Step) -> None:
+            name = f"{step.preset}, seed {step.seed}, {step.body}"
+            bar.update(task, description=f"{name}: epoch {step.epoch}, {step.loss:.4f}", advance=1 if step.done else 0)
+            if step.done:
+                console.print(f"{name}: {step.epoch} epochs, held-back error {step.loss:.4f}", highlight=False)
+
+        try:
+            files = train([PRESETS[n] for n in wanted], runs, car, output, seeds=range(seeds), jobs=jobs, told=told)
+        except (ValueError, RuntimeError) as error:
+            _fail(error)
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from exumob.hydrodynamics.networks import NetworkSet
+    from exumob.plotting import plot_learning_curves, save_figure
+
+    for name in wanted:
+        sets = [NetworkSet.load(file) for (preset_name, _), file in files.items() if preset_name == name]
+        curves = save_figure(plot_learning_curves(sets), output / f"{name}_curves.png")
+        console.print(f"{name}: {len(sets)} files in {output}, learning curves {curves}", highlight=False)
+
+
 @app.command()
 def soils() -> None:
     """List the published soils with their Bekker-Wong parameters."""
@@ -303,6 +380,22 @@ def _vehicle(file: Path | None) -> Vehicle:
         return load_vehicle(file)
     paper: Vehicle = importlib.import_module("vehicle_models.amphibious").amphibious_vehicle()
     return paper
+
+
+def _networks(files: list[Path] | None, car: Vehicle, required: bool) -> Hydrodynamics:
+    """Networks, or the coefficient model where none fit the vehicle and nobody asked for them."""
+    from exumob.hydrodynamics import CoefficientHydrodynamics, SurrogateHydrodynamics
+
+    try:
+        model = SurrogateHydrodynamics(files or None)
+        for network in model.networks:
+            network.check_vehicle(car)
+    except ValueError as error:
+        if required:
+            raise
+        errors.print(f"[yellow]coefficient model of the water:[/yellow] {error}", highlight=False, soft_wrap=True)
+        return CoefficientHydrodynamics()
+    return model
 
 
 def _fail(error: Exception) -> NoReturn:
@@ -402,6 +495,16 @@ def _print_loads(result: xr.Dataset) -> None:
     console.print(table)
 
 
+def _range_lines(figures: dict[str, float]) -> dict[str, str]:
+    """What networks say of their own limits."""
+    if "out_of_range_share" not in figures:
+        return {}
+    return {
+        "training range": f"left for {100 * figures['out_of_range_share']:.1f} % of the time; coefficient model's "
+        f"share of the loads {100 * figures['fallback_share']:.1f} %"
+    }
+
+
 def _print_summary(result: xr.Dataset, figures: dict[str, float]) -> None:
     from exumob.plotting import scenario_name
 
@@ -415,6 +518,7 @@ def _print_summary(result: xr.Dataset, figures: dict[str, float]) -> None:
         "slip": f"{100 * figures['mean_slip']:.1f} % (mean of the wheels, second half)",
         "buoyed weight": f"{100 * figures['buoyed_share']:.1f} % carried by the water (mean)",
         "driving energy": f"{figures['spin_energy']:.1f} J",
+        **_range_lines(figures),
         "wall time": f"{figures['wall_time']:.2f} s, and {float(result.attrs['settling_wall_time']):.2f} s to settle",
         "real-time factor": f"{figures['real_time_factor']:.2f} (simulated over wall time)",
     }

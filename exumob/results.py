@@ -227,7 +227,9 @@ def summary(dataset: xr.Dataset) -> dict[str, float]:
     dict
         distance [m] along the path; forward and lateral displacement [m]; final yaw [rad]; drift_angle [rad], course
         less heading at the end; mean_slip [-] (all wheels, second half of the run); buoyed_share [-], mean upward force
-        of the water over the weight; spin_energy [J]; wall_time [s]; real_time_factor [-].
+        of the water over the weight; spin_energy [J]; wall_time [s]; real_time_factor [-]. With networks as the
+        water: out_of_range_share [-], of the time that some body was outside the training range; fallback_share [-], of
+        the coefficient model in the loads, mean over time and bodies.
     """
     hull = dataset.sel(body="hull")
     path = hull["position"].sel(axis=["x", "y"]).values
@@ -250,6 +252,16 @@ def summary(dataset: xr.Dataset) -> dict[str, float]:
         "spin_energy": float(dataset["work"].sel(work_kind="spin")[-1]),
         "wall_time": wall,
         "real_time_factor": end / wall if wall > 0.0 else float("inf"),
+        **_range_shares(dataset),
+    }
+
+
+def _range_shares(dataset: xr.Dataset) -> dict[str, float]:
+    if "hydrodynamics_out_of_range" not in dataset:
+        return {}
+    return {
+        "out_of_range_share": float(dataset["hydrodynamics_out_of_range"].any("body").mean()),
+        "fallback_share": float(dataset["hydrodynamics_fallback_share"].mean()),
     }
 
 

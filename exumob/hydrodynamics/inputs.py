@@ -1,7 +1,7 @@
 """What a network is told of each body: quantities by name, the same when it learns and in the loop.
 
-`PAPER_INPUTS` are the five states of paper Eq. (7). The others add what the water feels besides: how fast the body moves
-through the water, how it turns, how deep it lies and how it is tilted.
+`PAPER_INPUTS` are the five states of paper Eq. (7). The others add what the water feels besides: how fast the body
+moves through the water, how it turns, how deep it lies and how it is tilted.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Trained networks as data: what they are, their file, and how they are evaluated without the library that trained them.
+"""Trained networks as data: what they are, their file, and how they are evaluated without torch.
 
 A `NetworkSet` is one network for each of the five bodies (paper Fig. 3), all of one `Architecture`. Its file is a
 safetensors file (arrays only, no code) whose header carries a JSON text: names and units of inputs and outputs,
@@ -89,16 +89,13 @@ class Architecture:
         return first | {"dense_weight": (d, h), "dense_bias": (d,), "out_weight": (n, d), "out_bias": (n,)}
 
 
-SCALERS = ("input_mean", "input_scale", "input_low", "input_high", "joint_inverse", "joint_limit", "output_mean", "output_scale")  # fmt: skip
-
-
 @dataclass(frozen=True)
 class NetworkSet:
     """Five trained networks, their scalers and the range in which they were trained."""
 
     architecture: Architecture
     arrays: dict[str, Single]
-    """By name, body first: weights (`Architecture.shapes`), scalers (`SCALERS`) and learning curves.
+    """By name, body first: weights (`Architecture.shapes`), scalers and learning curves.
 
     ``input_low``, ``input_high``, shape (5, k): range of each input in training; ``joint_inverse`` (5, k, k): inverse
     covariance of the scaled inputs; ``joint_limit`` (5,): largest Mahalanobis distance in training."""
@@ -163,7 +160,7 @@ class NetworkSet:
         try:
             with safe_open(path, "np") as stream:
                 header = json.loads((stream.metadata() or {}).get("exumob", "{}"))
-                arrays = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118
+                arrays = {name: stream.get_tensor(name) for name in stream.keys()}
         except (SafetensorError, json.JSONDecodeError) as error:
             raise ValueError(f"{path} is not a file of networks ({error}); `exumob train` makes them.") from None
         if header.get("format") != FORMAT:
@@ -283,7 +280,7 @@ def geometry(vehicle: Vehicle) -> dict[str, Any]:
 
 
 def window_rows(time: Array, taps: int, stride: int) -> NDArray[np.intp]:
-    """Rows of a history that the networks see, oldest first: by time, whatever the steps; the first row repeated before it.
+    """Rows of a history that the networks see, oldest first: by time, whatever the steps; before the first the first.
 
     Parameters
     ----------
@@ -302,7 +299,9 @@ def exponents(k: int, degree: int) -> list[tuple[int, ...]]:
 
 def monomials(x: NDArray[Any], degree: int) -> NDArray[Any]:
     """All monomials up to a degree; shape (..., k) -> (..., terms)."""
-    columns = [np.prod(x[..., list(c)], axis=-1) if c else np.ones(x.shape[:-1]) for c in exponents(x.shape[-1], degree)]
+    columns = [
+        np.prod(x[..., list(c)], axis=-1) if c else np.ones(x.shape[:-1]) for c in exponents(x.shape[-1], degree)
+    ]
     return np.stack(columns, axis=-1)
 
 
@@ -315,7 +314,9 @@ def _check_arrays(architecture: Architecture, arrays: dict[str, Single], path: P
         if name not in arrays:
             raise ValueError(f"{path}: {name} is missing; the file is incomplete, train again with `exumob train`.")
         if arrays[name].shape != (5, *shape) or not np.isfinite(arrays[name]).all():
-            raise ValueError(f"{path}: {name} has shape {arrays[name].shape} or is not finite; it must be {(5, *shape)}.")
+            raise ValueError(
+                f"{path}: {name} has shape {arrays[name].shape} or is not finite; it must be {(5, *shape)}."
+            )
 
 
 def _sigmoid(x: Single) -> Single:

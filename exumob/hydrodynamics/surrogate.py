@@ -30,7 +30,7 @@ BLEND = (0.1, 0.5)
 TRAINED_DENSITY = 1000.0
 """Of the water in training [kg/m^3]; loads are proportional to it."""
 MOVING = 0.05
-"""Horizontal speed below which nothing is said of sideslip angles [m/s]: the angle of a vehicle at rest is arbitrary."""
+"""Speed below which the range is not looked at [m/s]: the sideslip angle of a vehicle at rest is arbitrary."""
 
 
 class SurrogateHydrodynamics:
@@ -64,11 +64,10 @@ class SurrogateHydrodynamics:
             "networks": [{"name": n.name, "digest": n.digest()} for n in self.networks], "fallback": fallback
         }  # fmt: skip
         """What was chosen, as kept in results."""
-        shapes = list(dict.fromkeys((n.architecture.inputs, n.architecture.taps, n.architecture.stride) for n in self.networks))
-        self._groups = [
-            (shape, [n for n in self.networks if (n.architecture.inputs, n.architecture.taps, n.architecture.stride) == shape])
-            for shape in shapes
-        ]
+        self._groups: dict[tuple[tuple[str, ...], int, int], list[NetworkSet]] = {}
+        for network in self.networks:
+            seen = network.architecture
+            self._groups.setdefault((seen.inputs, seen.taps, seen.stride), []).append(network)
         self._water: Water | None = None
 
     def start(self, vehicle: Vehicle, water: Water | None, macro_step: float) -> None:
@@ -96,7 +95,7 @@ class SurrogateHydrodynamics:
         if len(history) == 1:  # no past: it settles, or is about to be released
             history = _at_rest(history)
         members, excess = [], []
-        for (names, taps, stride), networks in self._groups:
+        for (names, taps, stride), networks in self._groups.items():
             inputs = network_inputs(_rows(history, window_rows(history.time, taps, stride)), water, names)
             window = np.ascontiguousarray(np.moveaxis(inputs, 0, 1))
             resting = np.hypot(history.velocity[-1, 0, 0], history.velocity[-1, 0, 1]) < MOVING

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -39,7 +40,7 @@ def predicted_loads(network: NetworkSet, run: xr.Dataset, vehicle: Vehicle, rows
 
 
 def open_loop(network: NetworkSet, run: xr.Dataset, vehicle: Vehicle) -> xr.DataArray:
-    """Root mean square error of the loads over the standard deviation of the run's, smoothed; dims (body, component)."""
+    """Root mean square error of the loads over the deviation of the run's, smoothed; dims (body, component)."""
     rows = np.flatnonzero(usable(run))[::THINNING]
     loads, reference = predicted_loads(network, run, vehicle, rows), run["water_wrench_smooth"].values[rows]
     error = np.sqrt(np.mean((loads - reference) ** 2, axis=0)) / np.maximum(reference.std(axis=0), 1e-9)
@@ -47,7 +48,7 @@ def open_loop(network: NetworkSet, run: xr.Dataset, vehicle: Vehicle) -> xr.Data
 
 
 def drive(
-    scenario: Scenario, water: Hydrodynamics, vehicle: Vehicle, steps: Mapping[str, float] = FAST, soil: str = SOIL
+    scenario: Scenario, water: Hydrodynamics, vehicle: Vehicle, steps: Mapping[str, Any] = FAST, soil: str = SOIL
 ) -> xr.Dataset:
     """The scenario's lane change with a model of the water, as the CFD-MBD runs were made."""
     return simulate(

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from exumob.checks import require_positive, require_within
 from exumob.hydrodynamics.networks import Architecture
 
+FLOW_INPUTS = ("forward_flow", "lateral_flow", "forward_speed", "yaw_rate", "steering", "water_depth")
+"""Motion through the water and over ground, turning, steering: smooth where the angles of Eq. (7) are not."""
 RICH_INPUTS = (
     "forward_flow", "lateral_flow", "forward_speed", "yaw_rate", "immersion", "pitch", "roll", "heave_rate", "steering",
     "current_speed", "water_depth",
 )  # fmt: skip
-"""Motion through the water and over ground, turning, heave, pitch, roll."""
+"""... and heave, pitch, roll."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,12 @@ PRESETS = {
         Preset("paper-lstm", Architecture()),
         Preset("paper-dense", Architecture(layer="dense", taps=1)),
         Preset("coefficients", Architecture(layer="polynomial", taps=1, degree=3)),
+        Preset("flow-dense", Architecture(FLOW_INPUTS, 1, 1, "dense", 64, 32), mirror=True, noise=0.02),
+        Preset("rich-dense", Architecture(RICH_INPUTS, 1, 1, "dense", 64, 32), mirror=True, noise=0.02),
+        Preset(
+            "residual", Architecture(RICH_INPUTS, 1, 1, "dense", 64, 32, base="coefficients"), mirror=True, noise=0.05
+        ),
     )
 }
-"""By name."""
+BEST = "residual"
+"""Chosen by closed-loop error on the held-back runs; comes with exumob."""

@@ -15,7 +15,7 @@ import logging
 import multiprocessing
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from queue import Empty
@@ -34,7 +34,7 @@ from exumob.learning.networks import LoadNetwork
 from exumob.learning.presets import Preset
 from exumob.provenance import provenance
 from exumob.scenarios import UNSEEN
-from exumob.states import BODIES, Array
+from exumob.states import BODIES
 from exumob.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
@@ -57,7 +57,8 @@ class Examples:
 
     def choose(self, runs: Sequence[int], offset: int, thinning: int) -> list[tuple[int, NDArray[np.intp]]]:
         """Usable rows of some runs, every `thinning`-th."""
-        return [(r, rows[self.usable[r][rows]]) for r in runs for rows in [np.arange(offset, len(self.inputs[r]), thinning)]]
+        rows = [np.arange(offset, len(self.inputs[r]), thinning) for r in runs]
+        return [(r, n[self.usable[r][n]]) for r, n in zip(runs, rows, strict=True)]
 
     def gather(
         self, chosen: Sequence[tuple[int, NDArray[np.intp]]], architecture: Architecture
@@ -77,8 +78,8 @@ def training_runs(folder: str | Path) -> dict[str, xr.Dataset]:
     """
     files = sorted(Path(folder).glob("*.nc"))
     kept = {scenario.file_stem for scenario in UNSEEN}
-    runs = {name: run for name, run in load_runs(f for f in files if f.stem not in kept).items()}
-    runs = {name: run for name, run in runs.items() if name not in {s.name for s in UNSEEN}}
+    found = load_runs(file for file in files if file.stem not in kept)
+    runs = {name: run for name, run in found.items() if name not in {scenario.name for scenario in UNSEEN}}
     if len(runs) < 2:
         raise ValueError(
             f"{folder}: holds {len(runs)} runs to learn from, and two at least are needed (one is held back); "
@@ -98,9 +99,7 @@ def held_back(runs: Mapping[str, xr.Dataset], seed: int) -> str:
     return inside[seed % len(inside)]
 
 
-def examples(
-    runs: Mapping[str, xr.Dataset], vehicle: Vehicle, preset: Preset
-) -> tuple[list[str], list[Examples]]:
+def examples(runs: Mapping[str, xr.Dataset], vehicle: Vehicle, preset: Preset) -> tuple[list[str], list[Examples]]:
     """Examples of the five bodies, and the names of the runs in their order."""
     names = sorted(runs)
     architecture = preset.architecture
@@ -375,8 +374,3 @@ def _check_geometry(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> None:
                 found = found[part]
             if isinstance(value, float) and not np.isclose(found, value, rtol=1e-3):
                 raise ValueError(f"{name} was made with {field} = {found}, {vehicle.name} has {value}; give --vehicle.")
-
-
-def normalized_errors(loads: Array, reference: Array) -> Array:
-    """Root mean square error over the reference's standard deviation, along the first axis."""
-    return np.asarray(np.sqrt(np.mean((loads - reference) ** 2, axis=0)) / np.maximum(reference.std(axis=0), 1e-9))

@@ -1,0 +1,323 @@
+"""Networks: their file, their evaluation with and without torch, their training, and the loop's model of the water."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exumob.environment import Water
+from exumob.hydrodynamics import CoefficientHydrodynamics, SurrogateHydrodynamics
+from exumob.hydrodynamics.inputs import INPUTS, MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
+from exumob.hydrodynamics.networks import Architecture, NetworkSet, geometry, window_rows
+from exumob.learning.dataset import body_states, pack, usable, water_of
+from exumob.maneuver import lane_change
+from exumob.results import save_dataset, summary
+from exumob.scenarios import UNSEEN
+from exumob.simulation import simulate
+
+torch = pytest.importorskip("torch")
+from exumob.learning.evaluation import closed_loop, open_loop, predicted_loads
+from exumob.learning.networks import LoadNetwork
+from exumob.learning.presets import Preset
+from exumob.learning.training import held_back, train, training_runs
+
+SMALL = Architecture(inputs=("forward_flow", "lateral_flow", "yaw_rate"), taps=4, stride=5, width=7, dense=5)
+SHAPES = [SMALL, replace(SMALL, layer="dense"), replace(SMALL, layer="polynomial", taps=1)]
+
+
+def made_up(architecture, vehicle, seed=0):
+    """Networks with random weights."""
+    rng = np.random.default_rng(seed)
+    k = len(architecture.inputs)
+    arrays = {n: 0.5 * rng.standard_normal((5, *s)) for n, s in architecture.shapes().items()}
+    arrays |= {
+        "input_mean": np.full((5, k), 0.1), "input_scale": np.full((5, k), 0.5), "input_low": np.full((5, k), -1.0),
+        "input_high": np.full((5, k), 1.0), "joint_inverse": np.tile(np.eye(k), (5, 1, 1)),
+        "joint_limit": np.full(5, 3.0), "output_mean": rng.standard_normal((5, 6)),
+        "output_scale": np.full((5, 6), 2.0),
+    }  # fmt: skip
+    about = {"preset": "made up", "seed": seed, "geometry": geometry(vehicle)}
+    return NetworkSet(architecture, {n: a.astype(np.float32) for n, a in arrays.items()}, about)
+
+
+@pytest.fixture(scope="module")
+def runs(vehicle, sand):
+    """Half a second of driving in three waters, with the coefficient model's loads."""
+    found = {}
+    for name, depth, current in (("D40/U0", 0.08, 0.0), ("D50/U0.5", 0.1, 0.5), ("D60/U1", 0.12, 1.0)):
+        run = simulate(
+            vehicle, sand, Water(depth, current), lane_change(), duration=0.5, micro_step=5e-4, record_step=1e-3
+        )  # fmt: skip
+        found[name] = pack(run).assign_attrs(scenario=name)
+    return found
+
+
+@pytest.mark.parametrize("architecture", SHAPES, ids=lambda a: a.layer)
+def test_one_instant_and_many_agree(architecture, vehicle):
+    network = made_up(architecture, vehicle)
+    inputs = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 5, architecture.taps, 3))
+    one_by_one = np.stack([network.loads(x) for x in inputs])
+    assert network.many_loads(inputs, batch=7) == pytest.approx(one_by_one, abs=2e-5)
+
+
+@pytest.mark.parametrize("architecture", SHAPES[:2], ids=lambda a: a.layer)
+def test_torch_and_the_loop_agree(architecture, vehicle):
+    network = made_up(architecture, vehicle)
+    inputs = np.random.default_rng(1).uniform(-1.0, 1.0, (5, architecture.taps, 3))
+    loads = network.loads(inputs)
+    for body in range(5):
+        module = LoadNetwork(architecture, torch.Generator().manual_seed(0))
+        module.load_state_dict({n: torch.from_numpy(network.arrays[n][body]) for n in architecture.shapes()})
+        out = module(torch.from_numpy(network.scaled(inputs)[body][None])).detach().numpy()[0]
+        assert 2.0 * out + network.arrays["output_mean"][body] == pytest.approx(loads[body], abs=2e-5)
+
+
+def test_lstm_is_the_papers():
+    """Eqs. (8) and (9), written out, against torch's own LSTM."""
+    module = LoadNetwork(SMALL, torch.Generator().manual_seed(3))
+    theirs = torch.nn.LSTM(3, SMALL.width, batch_first=True)
+    w = dict(module.named_parameters())
+    with torch.no_grad():
+        theirs.weight_ih_l0.copy_(w["W"])
+        theirs.weight_hh_l0.copy_(w["U"])
+        theirs.bias_ih_l0.copy_(w["b"])
+        theirs.bias_hh_l0.zero_()
+        x = torch.randn(6, 4, 3)
+        assert torch.allclose(module._lstm(x, w), theirs(x)[0][:, -1], atol=1e-6)
+
+
+def test_paper_sizes():
+    shapes = Architecture().shapes()
+    assert shapes["U"] == (1600, 400) and shapes["W"] == (1600, 5) and shapes["dense_weight"] == (100, 400)
+    assert shapes["out_weight"] == (6, 100) and Architecture().memory == pytest.approx(2e-3)
+
+
+def test_file_round_trip(vehicle, tmp_path):
+    network = made_up(SMALL, vehicle)
+    again = NetworkSet.load(network.save(tmp_path / "a.safetensors"))
+    assert again.architecture == SMALL and again.about == network.about and again.digest() == network.digest()
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_foreign_files_are_refused(vehicle, tmp_path, monkeypatch):
+    from safetensors.numpy import save_file
+
+    with pytest.raises(ValueError, match="no such file"):
+        NetworkSet.load(tmp_path / "none.safetensors")
+    (tmp_path / "text.safetensors").write_text("not a network at all, whatever its name says")
+    with pytest.raises(ValueError, match="is not a file of networks"):
+        NetworkSet.load(tmp_path / "text.safetensors")
+    save_file({"a": np.zeros(3)}, tmp_path / "other.safetensors")
+    with pytest.raises(ValueError, match="not exumob's networks"):
+        NetworkSet.load(tmp_path / "other.safetensors")
+    network = made_up(SMALL, vehicle)
+    short = NetworkSet(SMALL, {n: a for n, a in network.arrays.items() if n != "U"}, network.about)
+    with pytest.raises(ValueError, match="U is missing"):
+        NetworkSet.load(short.save(tmp_path / "short.safetensors"))
+    broken = NetworkSet(SMALL, network.arrays | {"U": np.full_like(network.arrays["U"], np.nan)}, network.about)
+    with pytest.raises(ValueError, match="not finite"):
+        NetworkSet.load(broken.save(tmp_path / "nan.safetensors"))
+    monkeypatch.setattr("exumob.hydrodynamics.networks.VERSION", 0)
+    network.save(tmp_path / "old.safetensors")
+    monkeypatch.undo()
+    with pytest.raises(ValueError, match="version 0 and this program reads 1"):
+        NetworkSet.load(tmp_path / "old.safetensors")
+
+
+def test_architecture_is_checked():
+    with pytest.raises(ValueError, match="no_such_input"):
+        Architecture(inputs=("no_such_input",))
+    with pytest.raises(ValueError, match="quasi-steady"):
+        Architecture(layer="polynomial", taps=3)
+    with pytest.raises(ValueError, match="'lstm', 'dense' or 'polynomial'"):
+        Architecture(layer="gru")
+
+
+def test_window_is_taken_by_time():
+    grid = 1e-3 * np.arange(101)
+    assert list(window_rows(grid, 3, 1)) == [98, 99, 100]
+    assert list(window_rows(grid, 4, 10)) == [70, 80, 90, 100]
+    assert list(window_rows(grid[:2], 3, 1)) == [0, 0, 1]  # before the release: the first state
+    uneven = np.r_[grid, 0.1005]  # now lies between two samples
+    assert list(window_rows(uneven, 2, 1)) == [100, 101]
+
+
+def test_inputs_of_the_mirrored_motion(runs):
+    """Mirroring positions and velocities in the plane y = 0 changes the signs that `INPUTS` names."""
+    states, water = body_states(runs["D60/U1"]), water_of(runs["D60/U1"])
+    rng = np.random.default_rng(2)
+    turn = np.linalg.qr(rng.standard_normal((len(states), 5, 3, 3)))[0]
+    turn *= np.linalg.det(turn)[..., None, None]
+    noisy = replace(
+        states, rotation=turn, velocity=rng.standard_normal(states.velocity.shape),
+        angular_velocity=rng.standard_normal(states.velocity.shape),
+    )  # fmt: skip
+    order, flip = list(MIRRORED_BODIES), np.array([1.0, -1.0, 1.0])
+    mirrored = replace(
+        noisy, rotation=(flip[:, None] * turn * flip)[:, order], velocity=(noisy.velocity * flip)[:, order],
+        position=(noisy.position * flip)[:, order], angular_velocity=(-noisy.angular_velocity * flip)[:, order],
+    )  # fmt: skip
+    found = network_inputs(mirrored, water, tuple(INPUTS))
+    expected = network_inputs(noisy, water, tuple(INPUTS))[:, order] * mirror_signs(tuple(INPUTS))
+    assert found == pytest.approx(expected, abs=1e-12)
+
+
+def test_jumps_are_left_out(runs):
+    run = runs["D40/U0"].copy(deep=True)
+    assert usable(run).all()
+    run["water_wrench"][200, 0, 2] += 500.0
+    assert np.flatnonzero(~usable(run)).tolist() == list(range(180, 221))
+
+
+def test_held_back_run_lies_inside(runs):
+    assert {held_back(runs, seed) for seed in range(4)} == {"D50/U0.5"}
+
+
+def test_evaluation_runs_are_never_learnt_from(runs, tmp_path):
+    for n, name in enumerate(["D40/U0", "D60/U1", *(s.name for s in UNSEEN)]):
+        save_dataset(runs["D60/U1"].assign_attrs(scenario=name), tmp_path / f"{n}.nc")  # whatever the file's name
+    assert set(training_runs(tmp_path)) == {"D40/U0", "D60/U1"}
+    with pytest.raises(ValueError, match="holds 0 runs"):
+        training_runs(tmp_path / "nowhere")
+
+
+def test_training_learns_and_is_reproducible_and_resumed(runs, vehicle, tmp_path):
+    inputs = ("forward_flow", "forward_speed", "immersion", "water_depth")
+    preset = Preset("tiny", Architecture(inputs, 2, 5, "lstm", 12, 8), batch=16, epochs=30, thinning=4, mirror=True)
+    told = []
+    first = train([preset], runs, vehicle, tmp_path / "a", seeds=[1], jobs=2, told=told.append)["tiny", 1]
+    second = train([preset], runs, vehicle, tmp_path / "b", seeds=[1], jobs=1)["tiny", 1]
+    network, again = NetworkSet.load(first), NetworkSet.load(second)
+    assert network.digest() == again.digest()
+    assert sum(step.done for step in told) == 5
+    losses = network.arrays["training_loss"]
+    assert (np.nanmin(losses, axis=1) < 0.3 * losses[:, 0]).all()
+    assert network.about["held_back"] == "D50/U0.5" and network.about["provenance"]["torch_version"]
+
+    parts = {p: p.stat().st_mtime_ns for p in (tmp_path / "a" / "parts").iterdir()}
+    next(p for p in parts if "hull" in p.name).unlink()
+    train([preset], runs, vehicle, tmp_path / "a", seeds=[1], jobs=1, told=told.append)
+    assert sum(step.done for step in told) == 6  # the one that was missing, alone
+    assert NetworkSet.load(first).digest() == network.digest()
+
+
+def test_regression_recovers_a_polynomial(runs, vehicle, tmp_path):
+    """Loads that are a quadratic of the inputs are met to the ridge's share."""
+    inputs = ("forward_flow", "water_depth")
+    preset = Preset("poly", Architecture(inputs, 1, 1, "polynomial", degree=2), ridge=1e-9, thinning=1)
+    made = {}
+    for name, run in runs.items():
+        x = network_inputs(body_states(run), water_of(run), inputs)
+        made[name] = run.copy()
+        made[name]["water_wrench"] = run["water_wrench"].copy(
+            data=np.repeat((-3.0 * x[..., :1] ** 2 * (1.0 + 5.0 * x[..., 1:])), 6, axis=-1)
+        )
+        made[name]["water_wrench_smooth"] = made[name]["water_wrench"]
+    cubic = replace(preset, architecture=replace(preset.architecture, degree=3))
+    network = NetworkSet.load(train([cubic], made, vehicle, tmp_path, seeds=[0], jobs=1)["poly", 0])
+    rows = np.arange(0, 500, 10)
+    found = predicted_loads(network, made["D60/U1"], vehicle, rows)
+    assert found == pytest.approx(made["D60/U1"]["water_wrench"].values[rows], rel=2e-3, abs=2e-3)
+    assert float(open_loop(network, made["D60/U1"], vehicle).max()) < 0.01
+
+
+HEAD_CURRENT = Water(0.12, 1.0)
+STEPS = {"micro_step": 5e-4, "macro_step": 20e-3}
+
+
+def residual(vehicle, loads=0.0, **ranges):
+    """Networks that add constant loads to the coefficient model's."""
+    network = made_up(Architecture(SMALL.inputs, 1, 1, "polynomial", degree=1, base="coefficients"), vehicle)
+    arrays = network.arrays | {
+        "coefficients": np.zeros_like(network.arrays["coefficients"]),
+        "output_mean": np.full((5, 6), loads, np.float32),
+        "input_low": np.full((5, 3), -50.0, np.float32), "input_high": np.full((5, 3), 50.0, np.float32),
+        "joint_limit": np.full(5, 500.0, np.float32),
+    }  # fmt: skip
+    return NetworkSet(network.architecture, arrays | ranges, network.about)
+
+
+def test_zero_residual_is_the_coefficient_model(vehicle, sand):
+    a, b = (
+        simulate(vehicle, sand, HEAD_CURRENT, lane_change(), model, duration=0.4, **STEPS)
+        for model in (CoefficientHydrodynamics(), SurrogateHydrodynamics(residual(vehicle)))
+    )
+    assert np.array_equal(a["position"], b["position"])
+    assert not b["hydrodynamics_out_of_range"].any() and summary(b)["out_of_range_share"] == 0.0
+    assert closed_loop(b, pack(simulate(
+        vehicle, sand, HEAD_CURRENT, lane_change(), duration=0.4, record_step=1e-3, **STEPS
+    )))["final"] < 1e-4  # fmt: skip
+
+
+def test_ensemble_gives_mean_and_spread(vehicle, sand):
+    members = [residual(vehicle, loads) for loads in (-1.0, 2.0)]
+    run = simulate(
+        vehicle, sand, HEAD_CURRENT, lane_change(), SurrogateHydrodynamics(members), duration=0.1, **STEPS
+    )  # fmt: skip
+    assert run["hydrodynamics_load_spread"].values == pytest.approx(3.0 / math.sqrt(2.0))
+
+
+def test_out_of_range_is_told_and_falls_back(vehicle, sand):
+    """A network that pushes with 2 N, trained up to 0.3 m/s: the coefficient model takes over, and the run says so."""
+    narrow = {"input_low": np.full((5, 3), -0.3, np.float32), "input_high": np.full((5, 3), 0.3, np.float32)}
+    pushing = residual(vehicle, 2.0, **narrow)
+    run, alone = (
+        simulate(vehicle, sand, HEAD_CURRENT, lane_change(), model, duration=0.6, **STEPS)
+        for model in (SurrogateHydrodynamics(pushing), SurrogateHydrodynamics(pushing, fallback=False))
+    )
+    assert run["hydrodynamics_out_of_range"][-1].all() and (run["hydrodynamics_fallback_share"][-1] == 1.0).all()
+    assert not alone["hydrodynamics_fallback_share"].any() and alone["hydrodynamics_out_of_range"][-1].all()
+    assert summary(run)["out_of_range_share"] > 0.3
+    assert (alone["water_wrench"] - run["water_wrench"]).sel(component="Fx")[-1].values == pytest.approx(2.0, abs=0.5)
+
+
+def test_another_vehicle_is_refused(vehicle, sand):
+    wider = replace(vehicle, track=0.7)
+    with pytest.raises(ValueError, match=r"track = 0\.7, they were trained with 0\.66"):
+        simulate(wider, sand, HEAD_CURRENT, lane_change(), SurrogateHydrodynamics(residual(vehicle)), duration=0.1)
+    heavier = replace(vehicle, hull=replace(vehicle.hull, mass=50.0))  # the water sees no mass
+    residual(vehicle).check_vehicle(heavier)
+
+
+def test_loads_are_proportional_to_density(runs, vehicle):
+    states = body_states(runs["D60/U1"])[:300]
+    network = made_up(SMALL, vehicle)
+    answers = []
+    for density in (1000.0, 1025.0):
+        model = SurrogateHydrodynamics(network, fallback=False)
+        model.start(vehicle, Water(0.12, 1.0, density=density), 1e-3)
+        answers.append(model.wrenches(states, lambda: states))
+    assert answers[1] == pytest.approx(1.025 * answers[0])
+
+
+def test_saved_and_restored(vehicle, sand, tmp_path):
+    """A run stopped and resumed has the bits of the single run."""
+    rich = made_up(replace(SMALL, base="coefficients"), vehicle)
+
+    def run(duration, **more):
+        return simulate(
+            vehicle, sand, HEAD_CURRENT, lane_change(), SurrogateHydrodynamics([rich, residual(vehicle)]),
+            duration=duration, **STEPS, **more,
+        )  # fmt: skip
+
+    single = run(0.6)
+    stopped = []
+
+    def stop(time):
+        if time > 0.5 and not stopped:
+            stopped.append(time)
+            raise RuntimeError("power cut")
+
+    from exumob.errors import SimulationError
+
+    with pytest.raises(SimulationError):
+        run(0.6, checkpoint=tmp_path / "run.npz", progress=stop)
+    resumed = run(0.6, checkpoint=tmp_path / "run.npz", resume=True)
+    for name in ("position", "water_wrench", "hydrodynamics_load_spread", "hydrodynamics_range_excess"):
+        assert np.array_equal(single[name], resumed[name])
+
+
+def test_mirrored_loads_are_their_own_inverse():
+    order = list(MIRRORED_BODIES)
+    assert [order[b] for b in order] == [0, 1, 2, 3, 4] and (MIRRORED_LOADS**2 == 1.0).all()
