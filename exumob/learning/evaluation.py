@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from exumob.environment import Soil
 from exumob.hydrodynamics.inputs import network_inputs
 from exumob.hydrodynamics.interface import Hydrodynamics
 from exumob.hydrodynamics.networks import NetworkSet
+from exumob.hydrodynamics.surrogate import SurrogateHydrodynamics
 from exumob.learning.dataset import SAMPLING, base_loads, body_states, usable, water_of
 from exumob.reference_runs import SOIL
 from exumob.scenarios import Scenario
@@ -82,3 +83,54 @@ def closed_loop(run: xr.Dataset, reference: xr.Dataset) -> dict[str, float]:
         "forward": float(off[-1, 0]),
         "lateral": float(off[-1, 1]),
     }
+
+
+def compare(
+    models: Mapping[str, Sequence[Hydrodynamics]], references: Mapping[str, xr.Dataset], vehicle: Vehicle,
+    steps: Mapping[str, Any] = FAST, told: Callable[[str], None] | None = None,
+) -> tuple[xr.Dataset, dict[tuple[str, str], list[xr.Dataset]]]:  # fmt: skip
+    """Drive scenarios with several models and compare each run with CFD-MBD.
+
+    Parameters
+    ----------
+    models : mapping
+        Members (seeds) by the name of the model.
+    references : mapping
+        CFD-MBD runs by scenario.
+
+    Returns
+    -------
+    table : xarray.Dataset
+        The measures of `closed_loop` and ``load_error`` (`open_loop`, mean over components; nan for models without
+        networks); dims (model, scenario, member).
+    runs : dict
+        By model and scenario: the members' runs.
+    """
+    most = max(len(members) for members in models.values())
+    measures = ("path", "final", "yaw", "lateral_velocity", "forward", "lateral")
+    values = {name: np.full((len(models), len(references), most), np.nan) for name in measures}
+    loads = np.full((len(models), len(references), most, len(BODIES)), np.nan)
+    runs: dict[tuple[str, str], list[xr.Dataset]] = {}
+    for m, (model, members) in enumerate(models.items()):
+        for s, (scenario, reference) in enumerate(references.items()):
+            runs[model, scenario] = []
+            for n, member in enumerate(members):
+                run = drive(Scenario.named(scenario), member, vehicle, steps)
+                runs[model, scenario].append(run)
+                for name, value in closed_loop(run, reference).items():
+                    values[name][m, s, n] = value
+                if isinstance(member, SurrogateHydrodynamics):
+                    errors = [open_loop(network, reference, vehicle) for network in member.networks]
+                    loads[m, s, n] = np.mean([e.mean("component") for e in errors], axis=0)
+                if told is not None:
+                    told(
+                        f"{model}, {scenario}, {n}: final position off by {values['final'][m, s, n]:.2f} % of the path"
+                    )
+    dims = ("model", "scenario", "member")
+    units = {"path": "%", "final": "%", "yaw": "deg", "lateral_velocity": "m s-1", "forward": "m", "lateral": "m"}
+    table = xr.Dataset(
+        {name: (dims, v, {"units": units[name]}) for name, v in values.items()}
+        | {"load_error": ((*dims, "body"), loads, {"units": "1"})},
+        coords={"model": list(models), "scenario": list(references), "body": list(BODIES)},
+    )
+    return table, runs

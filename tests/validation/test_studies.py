@@ -72,3 +72,10 @@ def test_training_data_study_packs_a_run():
     result = load_study("generate_training_data").main(quick=True)
     assert list(result["scenario"].values) == ["D40/U0"]
     assert float(result["size"][0]) > 0.05
+
+
+def test_shipped_networks_predict_an_unseen_run():
+    """D50/U0.5, which no network saw: the aims are 2 % of the path and 2 degrees."""
+    result = load_study("predict_unseen").main(quick=True).squeeze()
+    assert str(result["scenario"].item()) == "D50/U0.5"
+    assert float(result["final"]) < 2.0 and float(result["yaw"]) < 2.0

@@ -1,0 +1,152 @@
+"""Do the networks predict runs that they have never seen? (paper Sec. 5.2, Figs. 12 to 14)
+
+Four lane changes with the flow in the loop were kept from training and from every choice: D50/U0.5, D60/U0.5, D50/U1 and
+D50/U0.5 steered by 15 instead of 30 degrees. Here the vehicle drives them with the coefficient model, with the
+regression fitted to the training runs, with the paper's networks and with ours, five seeds each, 0.5 ms / 20 ms.
+
+First: exumob train --output networks
+Run: python studies/predict_unseen.py --networks networks
+"""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, SurrogateHydrodynamics
+from exumob.hydrodynamics.surrogate import shipped_networks
+from exumob.learning.dataset import load_runs
+from exumob.learning.evaluation import compare
+from exumob.learning.presets import BEST, PRESETS
+from exumob.plotting import STYLE, save_figure
+from exumob.results import save_dataset
+from exumob.scenarios import UNSEEN
+from exumob.smoothing import smoothed
+from vehicle_models.amphibious import amphibious_vehicle
+
+FIGURES = Path(__file__).parent / "figures"
+DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"
+ENSEMBLE = f"{BEST}, ensemble"
+COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+
+Runs = Mapping[tuple[str, str], Sequence[xr.Dataset]]
+
+
+def models(folder: Path) -> dict[str, list[Hydrodynamics]]:
+    """Members of each model: what was trained into a folder, and what comes with exumob."""
+    found: dict[str, list[Hydrodynamics]] = {"published coefficients": [CoefficientHydrodynamics()]}
+    for preset in PRESETS:
+        files = sorted(folder.glob(f"{preset}_seed*.safetensors"))
+        if files:
+            found[preset] = [SurrogateHydrodynamics(file) for file in files]
+    found[ENSEMBLE] = [SurrogateHydrodynamics(shipped_networks())]
+    return found
+
+
+def paths(runs: Runs, references: Mapping[str, xr.Dataset], model: str) -> Figure:
+    """Trajectories (paper Figs. 12 and 15): CFD-MBD dashed, a line for each member."""
+    with plt.rc_context(STYLE):
+        figure, axes = plt.subplots(figsize=(9.0, 3.6), layout="constrained")
+        for n, (scenario, reference) in enumerate(references.items()):
+            x, y = reference["position"].sel(body="hull").values[:, :2].T
+            axes.plot(x - x[0], y, color=f"C{n}", ls="--", lw=1.6)
+            for k, run in enumerate(runs[model, scenario]):
+                x, y = run["position"].sel(body="hull").values[:, :2].T
+                axes.plot(x - x[0], y, color=f"C{n}", lw=1.0, alpha=0.8, label=None if k else scenario)
+        axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{model}: solid; CFD-MBD: dashed")
+        axes.set_ylim(-0.15, 1.0)
+        axes.legend(loc="upper left", ncols=2)
+    return figure
+
+
+def motions(runs: Runs, references: Mapping[str, xr.Dataset], model: str) -> Figure:
+    """Lateral velocity and yaw (paper Fig. 13)."""
+    with plt.rc_context(STYLE):
+        figure, (left, right) = plt.subplots(1, 2, figsize=(11.0, 3.4), layout="constrained")
+        for n, (scenario, reference) in enumerate(references.items()):
+            run = runs[model, scenario][0]
+            for data, style in ((reference, {"ls": "--", "lw": 1.6}), (run, {"lw": 1.1, "label": scenario})):
+                left.plot(data["time"], data["lateral_velocity"], color=f"C{n}", **style)
+                right.plot(data["time"], np.degrees(data["yaw"].sel(body="hull")), color=f"C{n}", **style)
+        left.set(xlabel="time [s]", ylabel="lateral velocity [m/s]")
+        right.set(xlabel="time [s]", ylabel="yaw [deg]")
+        right.legend(title=f"{model}\n(dashed: CFD-MBD)")
+    return figure
+
+
+def hull_loads(runs: Runs, references: Mapping[str, xr.Dataset], model: str, scenario: str = "D50/U0.5") -> Figure:
+    """Loads on the hull (paper Fig. 14), with two standard deviations of the members."""
+    run, reference = runs[model, scenario][0], references[scenario]
+    true = smoothed(reference["water_wrench"].sel(body="hull").values, 1e-3, 0.05)
+    macro = run["hydrodynamics_load_spread"]["macro_time"]
+    with plt.rc_context(STYLE):
+        figure, rows = plt.subplots(2, 3, figsize=(11.0, 5.2), sharex=True, layout="constrained")
+        for n, (axes, component) in enumerate(zip(rows.flat, COMPONENTS, strict=True)):
+            loads = run["water_wrench"].sel(body="hull", component=component)
+            spread = run["hydrodynamics_load_spread"].sel(body="hull", component=component)
+            middle = np.interp(macro, run["time"], loads)
+            axes.plot(reference["time"], true[:, n], "k--", lw=1.0, label="CFD-MBD (50 ms mean)")
+            axes.fill_between(macro, middle - 2.0 * spread, middle + 2.0 * spread, alpha=0.25, lw=0.0)
+            axes.plot(run["time"], loads, color="C0", lw=1.1, label=f"{model}, 2 standard deviations")
+            axes.set_ylabel(f"${component[0]}_{component[1]}$ [{'N' if component[0] == 'F' else 'N m'}]")
+        for axes in rows[1]:
+            axes.set_xlabel("time [s]")
+        rows[0, 0].legend(fontsize="x-small")
+        figure.suptitle(f"Loads on the hull, {scenario}")
+    return figure
+
+
+def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
+    """Drive the unseen scenarios with every model; return the table (see `exumob.learning.evaluation.compare`)."""
+    names = [scenario.name for scenario in (UNSEEN[:1] if quick else UNSEEN)]
+    files = [DATA / f"{scenario.file_stem}.nc" for scenario in UNSEEN if scenario.name in names]
+    runs_by_name = load_runs(files)
+    references = {name: runs_by_name[name] for name in names}
+    chosen = {n: m for n, m in models(networks).items() if not quick or n == ENSEMBLE}
+    table, runs = compare(chosen, references, amphibious_vehicle(), told=None if quick else lambda word: print(word))
+    if quick:
+        return table
+    FIGURES.mkdir(exist_ok=True)
+    save_figure(paths(runs, references, ENSEMBLE), FIGURES / "unseen_paths.png")
+    save_figure(motions(runs, references, ENSEMBLE), FIGURES / "unseen_motions.png")
+    save_figure(hull_loads(runs, references, ENSEMBLE), FIGURES / "unseen_hull_loads.png")
+    for model in ("paper-lstm", "paper-dense"):
+        if model in chosen:
+            save_figure(paths(runs, references, model), FIGURES / f"unseen_paths_{model}.png")
+    save_dataset(table, FIGURES / "predict_unseen.nc")
+    return table
+
+
+COLUMNS = (("path", 1.0, "%"), ("final", 1.0, "%"), ("yaw", 1.0, "deg"), ("lateral_velocity", 1e3, "mm/s"))
+
+
+def markdown(table: xr.Dataset) -> str:
+    """Table for the README: means over the scenarios, +- the spread over seeds, and the worst scenario."""
+    lines = [
+        "| model | load error | path | final position (worst) | yaw | lateral velocity |",
+        "|---|---|---|---|---|---|",
+    ]
+    for model in table["model"].values:
+        one = table.sel(model=model)
+        cells = [str(model), f"{float(one['load_error'].mean()):.2f}"]
+        for name, factor, unit in COLUMNS:
+            members = factor * one[name].mean("scenario")
+            spread = f" +- {float(members.std(ddof=1)):.2f}" if int(members.notnull().sum()) > 1 else ""
+            worst = f" ({float(one[name].mean('member').max()):.1f} %)" if name == "final" else ""
+            cells.append(f"{float(members.mean()):.2f}{spread} {unit}{worst}")
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    import matplotlib
+
+    matplotlib.use("Agg")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--networks", type=Path, default=Path("networks"), help="folder of `exumob train`")
+    answer = main(networks=parser.parse_args().networks)
+    print(markdown(answer))
