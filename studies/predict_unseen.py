@@ -1,7 +1,7 @@
 """Do the networks predict runs that they have never seen? (paper Sec. 5.2, Figs. 12 to 14)
 
-Four lane changes with the flow in the loop were kept from training and from every choice: D50/U0.5, D60/U0.5, D50/U1 and
-D50/U0.5 steered by 15 instead of 30 degrees. Here the vehicle drives them with the coefficient model, with the
+Four lane changes with the flow in the loop were kept from training and from every choice: D50/U0.5, D60/U0.5, D50/U1
+and D50/U0.5 steered by 15 instead of 30 degrees. Here the vehicle drives them with the coefficient model, with the
 regression fitted to the training runs, with the paper's networks and with ours, five seeds each, 0.5 ms / 20 ms.
 
 First: exumob train --output networks
