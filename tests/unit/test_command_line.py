@@ -17,7 +17,7 @@ from exumob.results import load_dataset
 SHORT = ["--duration", "0.2", "--micro-step", "5e-4", "--macro-step", "20e-3"]
 OPTIONS = {
     "--depth-ratio": "0.6", "--current": "1.0", "--steering": "30", "--soil": "LETE sand",
-    "--hydrodynamics": "coefficients",
+    "--hydrodynamics": "networks where they fit the vehicle, else coefficients",
     "--vehicle": None, "--duration": "8", "--micro-step": "0.0001", "--macro-step": "0.001", "--output": None,
     "--figure": None, "--animate": None, "--cell-size": "0.0115", "--coarse": None, "--coupling": "semi-implicit",
     "--threads": "1", "--checkpoint": None, "--resume": None,
