@@ -14,7 +14,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -26,6 +27,10 @@ from exumob.hydrodynamics.interface import Hydrodynamics
 from exumob.states import Array, BodyStates
 
 WithinStep = Literal["held", "linear"]
+SWINGS = 4
+"""Times that the residual of `SemiImplicit` turns round from step to step before the water's response is renewed."""
+MATTERS = 0.01
+"""... and its size over that of the loads from which on."""
 
 
 class Mechanism(Protocol):
@@ -356,7 +361,8 @@ class SemiImplicit(_Scheme):
     takes back the share of G* with which the water, in this step, makes up for the last step's prediction; with
     constant D the water's impulse on the bodies is then that of their true motion. D is measured: from a saved state
     the flow is advanced once for each direction in which the bodies can move (ten for a vehicle), at the start and
-    every `renewal`. F is found by Newton's method with the vehicle alone, whose cost is small beside the flow's.
+    every `renewal`; and at once when G* - F swings from step to step and grows, the sign of a D that is too small (a keel
+    that has got wet since). F is found by Newton's method with the vehicle alone, whose cost is small beside the flow's.
     """
 
     renewal: float = 0.25
@@ -395,7 +401,7 @@ class SemiImplicit(_Scheme):
         solves = 1
         if response.damping is None or begin >= response.due - 1e-9:
             solves += self._measure(bodies, water, history, predicted, trace.last, saved, end_time)
-            response.due = begin + self.renewal
+            response.due, response.residuals = begin + self.renewal, []
         damping, compliance = response.damping, response.compliance
         assert damping is not None and compliance is not None
         answer = wrenches(water, history, lambda: predicted)
@@ -419,6 +425,8 @@ class SemiImplicit(_Scheme):
             bodies.advance(end_time, wrench, trace.rate(wrench, step))
             reached = body_velocities(bodies.present())
         response.missed = reached - aim
+        if response.swings(answer - wrench, _size(answer - wrench, answer)):
+            response.due = begin
         trace.add(begin, wrench, solves, _size(answer - wrench, answer))
 
     def _measure(
@@ -476,6 +484,16 @@ class _Response:
     """y - y* of the last step"""
     due: float = 0.0
     """When D is measured again [s]"""
+    residuals: list[Array] = field(default_factory=list)
+    """G* - F of the last steps, since D was measured"""
+
+    def swings(self, residual: Array, relative: float) -> bool:
+        """Take note of a step's G* - F; whether it has swung `SWINGS` times, is larger than before, and matters."""
+        self.residuals = [*self.residuals[-SWINGS:], np.array(residual)]
+        if len(self.residuals) <= SWINGS or relative < MATTERS:
+            return False
+        opposite = all(np.vdot(a, b) < 0.0 for a, b in pairwise(self.residuals))
+        return opposite and float(np.linalg.norm(residual)) > float(np.linalg.norm(self.residuals[0]))
 
 
 def body_velocities(states: BodyStates) -> Array:

@@ -28,6 +28,7 @@ class Water:
         self.offsets = np.array([[hull["center_x"] - hull["center_of_mass_x"], 0.0, middle], *np.zeros((4, 3))])
         self.depth, self.density = water["depth"], water["density"]
         self.current = np.array(water["velocity"])
+        self.added = np.array([0.1, 0.5, 1.5])  # over what is displaced; in heave more than the hull weighs
 
     def start(self, poses, time):
         """Begin with still bodies."""
@@ -44,11 +45,10 @@ class Water:
             areas = np.array([size[1] * draught, size[0] * draught, 0.5 * size[0] * size[1]])
             along = turn.T @ through
             drag = -0.5 * self.density * areas * np.abs(along) * along
-            added = displaced * np.array([0.1, 0.5, 1.5])  # more than the hull weighs in heave: this one needs coupling
             change = turn.T @ (poses["velocity"][n] - self.velocity[n]) / interval
             lift = turn.T @ np.array([0.0, 0.0, 9.81 * displaced])
             lever = offset + turn.T @ np.array([0.0, 0.0, 0.5 * (draught - size[2])])
-            force = lift + drag - added * change
+            force = lift + drag - displaced * self.added * change
             loads[n] = [*force, *np.cross(lever, force)]
         self.time, self.velocity = time, poses["velocity"].copy()
         return loads

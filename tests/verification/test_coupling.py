@@ -16,6 +16,7 @@ import pytest
 import xarray as xr
 
 import exumob.checkpoint
+import exumob.coupling
 from exumob.coupling import Explicit, SemiImplicit, Strong
 from exumob.environment import Soil, Water
 from exumob.errors import SimulationError, SimulationInterrupted
@@ -99,6 +100,28 @@ def test_explicit_scheme_grows_on_the_vehicle_and_the_others_agree(vehicle, sand
     except SimulationError as error:
         broken = error.result
     assert np.abs(broken["acceleration"].values[:, 0, 2]).max() > 98.1
+
+
+def test_semi_implicit_scheme_notices_that_the_water_answers_more_strongly(vehicle, sand, monkeypatch):
+    """Added mass that is hardly there when the response is measured and is all there 20 ms later, long before the next
+    measurement: a stale response lets the hull's load swing up (spec: 10 g and more, or it breaks), one that is renewed
+    keeps it within 2 g."""
+
+    class KeelGetsWet(StandIn):
+        def advance(self, time, poses):
+            self.water.added = np.array([0.1, 0.5, 1.5]) * (1.0 if time > 0.02 else 0.02)
+            return super().advance(time, poses)
+
+    result = run(vehicle, sand, KeelGetsWet(), coupling=SemiImplicit())
+    assert np.abs(result["acceleration"].values[:, 0, 2]).max() < 2.0 * 9.81
+    measured = np.flatnonzero(result["coupling_iterations"].values > 1)
+    assert measured[0] == 0 and 20 <= measured[1] <= 35 and len(measured) <= 4
+    monkeypatch.setattr(exumob.coupling, "SWINGS", 10**6)
+    try:
+        stale = run(vehicle, sand, KeelGetsWet(), coupling=SemiImplicit())
+    except SimulationError as error:
+        stale = error.result
+    assert np.abs(stale["acceleration"].values[:, 0, 2]).max() > 98.1
 
 
 def test_strong_scheme_records_iterations_and_residuals(vehicle, sand):
