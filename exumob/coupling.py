@@ -359,10 +359,12 @@ class SemiImplicit(_Scheme):
 
     with its own y, so that added mass acts on the true acceleration: stable for any ratio of masses. The last term
     takes back the share of G* with which the water, in this step, makes up for the last step's prediction; with
-    constant D the water's impulse on the bodies is then that of their true motion. D is measured: from a saved state
-    the flow is advanced once for each direction in which the bodies can move (ten for a vehicle), at the start and
-    every `renewal`; and at once when G* - F swings from step to step and grows, the sign of a D that is too small (a keel
-    that has got wet since). F is found by Newton's method with the vehicle alone, whose cost is small beside the flow's.
+    constant D the water's impulse on the bodies is then that of their true motion. F is found by Newton's method with
+    the vehicle alone, whose cost is small beside the flow's.
+
+    D is measured: from a saved state the flow is advanced once for each direction in which the bodies can move (ten for
+    a vehicle), at the start and every `renewal`, and at once when G* - F swings from step to step and grows: the sign of
+    a D that has become too small, as when a keel gets wet.
     """
 
     renewal: float = 0.25

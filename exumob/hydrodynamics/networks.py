@@ -334,7 +334,7 @@ def _sigmoid(x: Single) -> Single:
 
 @njit(inline="always")
 def _tanh(x: np.float32) -> np.float32:
-    """tanh to 3e-7 as a quotient of polynomials, the one of Eigen (MPL 2): without calls, hence vectorised."""
+    """Tanh to 3e-7 as a quotient of polynomials, the one of Eigen (MPL 2): without calls, hence vectorised."""
     x = min(max(x, np.float32(-7.9053111)), np.float32(7.9053111))
     s = x * x
     p = np.float32(-2.76076847742355e-16)
@@ -353,7 +353,7 @@ def _tanh(x: np.float32) -> np.float32:
 
 @njit(inline="always")
 def _add_product(turned: Single, x: Single, out: Single) -> None:
-    """out += turned.T @ x, four rows at a time: contiguous, vectorised, and out stays in the nearest cache."""
+    """Out += turned.T @ x, four rows at a time: contiguous, vectorised, and out stays in the nearest cache."""
     n = turned.shape[0]
     whole = n - n % 4
     for k in range(0, whole, 4):
