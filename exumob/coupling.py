@@ -363,8 +363,8 @@ class SemiImplicit(_Scheme):
     the vehicle alone, whose cost is small beside the flow's.
 
     D is measured: from a saved state the flow is advanced once for each direction in which the bodies can move (ten for
-    a vehicle), at the start and every `renewal`, and at once when G* - F swings from step to step and grows: the sign of
-    a D that has become too small, as when a keel gets wet.
+    a vehicle), at the start, every `renewal`, and at once when G* - F swings from step to step and grows: the sign of a
+    D that has become too small, as when a keel gets wet.
     """
 
     renewal: float = 0.25
