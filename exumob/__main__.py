@@ -97,6 +97,9 @@ def lane_change_command(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the checkpoint, if there is one, with the same bits.")
     ] = False,
+    members: Annotated[
+        bool, typer.Option("--members", help="Drive with each network alone, too: error bars on the path.")
+    ] = False,
     output: Annotated[Path | None, typer.Option(help="Write the result here (netCDF).")] = None,
     figure: Annotated[Path | None, typer.Option(help="Draw the run here (.png, .pdf, .svg).")] = None,
     animate: Annotated[Path | None, typer.Option(help="Animate the run here (.gif or .mp4).")] = None,
@@ -109,8 +112,15 @@ def lane_change_command(
     run.npz --output run.nc; when it was stopped, the same with --resume.
     """
     from exumob.coupling import Coupling, Explicit, SemiImplicit, Strong
+    from exumob.ensemble import add_members
     from exumob.environment import Soil, Water
-    from exumob.hydrodynamics import CfdHydrodynamics, CoefficientHydrodynamics, NoWater, VehicleFlow
+    from exumob.hydrodynamics import (
+        CfdHydrodynamics,
+        CoefficientHydrodynamics,
+        NoWater,
+        SurrogateHydrodynamics,
+        VehicleFlow,
+    )
     from exumob.hydrodynamics.coupled import development_span
     from exumob.maneuver import lane_change
     from exumob.simulation import simulate
@@ -144,6 +154,10 @@ def lane_change_command(
             model = developed = CfdHydrodynamics(flow, progress=lambda time: told[0](time))
             lead = development_span(developed.development, water)
             scheme = {"explicit": Explicit, "semi-implicit": SemiImplicit, "strong": Strong}[coupling.value]()
+        if networks and hydrodynamics not in (WaterModel.networks, None):
+            raise ValueError(f"--networks means nothing with --hydrodynamics {hydrodynamics.value}; leave one out.")
+        if members and (not isinstance(model, SurrogateHydrodynamics) or len(model.networks) < 2):
+            raise ValueError("--members needs networks of two seeds at least as the water; leave it out.")
         maneuver = lane_change(math.radians(steering), wheel_speed)
         ground = Soil.published(soil)
     except (ValueError, OSError, ImportError) as error:
@@ -158,6 +172,13 @@ def lane_change_command(
             ),
             output,
         )  # fmt: skip
+    if members and not code:
+        assert isinstance(model, SurrogateHydrodynamics)
+        with _progress(duration, "settling", "members") as advance:
+            result = add_members(
+                result, car, ground, water, maneuver, model, duration=duration, micro_step=micro_step,
+                macro_step=macro_step, progress=advance,
+            )  # fmt: skip
     if code and checkpoint is not None and checkpoint.exists():
         errors.print(f"{checkpoint} holds the run: the same command with --resume goes on.", highlight=False)
     _report(result, targets)
@@ -505,6 +526,17 @@ def _range_lines(figures: dict[str, float]) -> dict[str, str]:
     }
 
 
+def _member_lines(figures: dict[str, float]) -> dict[str, str]:
+    """How far the networks' own runs end from each other."""
+    if "forward_spread" not in figures:
+        return {}
+    return {
+        "members' spread": f"{1e3 * figures['forward_spread']:.0f} mm forward, "
+        f"{1e3 * figures['lateral_spread']:.0f} mm lateral, "
+        f"{math.degrees(figures['yaw_spread']):.2f} deg (standard deviations at the end)"
+    }
+
+
 def _print_summary(result: xr.Dataset, figures: dict[str, float]) -> None:
     from exumob.plotting import scenario_name
 
@@ -519,6 +551,7 @@ def _print_summary(result: xr.Dataset, figures: dict[str, float]) -> None:
         "buoyed weight": f"{100 * figures['buoyed_share']:.1f} % carried by the water (mean)",
         "driving energy": f"{figures['spin_energy']:.1f} J",
         **_range_lines(figures),
+        **_member_lines(figures),
         "wall time": f"{figures['wall_time']:.2f} s, and {float(result.attrs['settling_wall_time']):.2f} s to settle",
         "real-time factor": f"{figures['real_time_factor']:.2f} (simulated over wall time)",
     }

@@ -76,9 +76,15 @@ def vehicle_outlines(dataset: xr.Dataset, index: int) -> list[Array]:
 def plot_path(
     axes: Axes, dataset: xr.Dataset, every: float = 1.0, color: str = "C0", label: str | None = None
 ) -> list[Artist]:
-    """Path of the hull's centre of mass, with the vehicle's outline every `every` seconds (0: never)."""
+    """Path of the hull's centre of mass, with the vehicle's outline every `every` seconds (0: never).
+
+    Thin lines: the members of an ensemble, if the run has them.
+    """
     x, y = dataset["position"].sel(body="hull").values[:, :2].T
     artists: list[Artist] = list(axes.plot(x, y, color=color, lw=1.6, label=label, zorder=3))
+    if "member_position" in dataset:
+        for member in dataset["member_position"].values:
+            artists += axes.plot(*member[:, :2].T, color="0.2", lw=0.6, zorder=4)
     if every > 0.0:
         times = dataset["time"].values
         for t in np.arange(0.0, times[-1] + 1e-9, every):

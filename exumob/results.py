@@ -229,7 +229,8 @@ def summary(dataset: xr.Dataset) -> dict[str, float]:
         less heading at the end; mean_slip [-] (all wheels, second half of the run); buoyed_share [-], mean upward force
         of the water over the weight; spin_energy [J]; wall_time [s]; real_time_factor [-]. With networks as the
         water: out_of_range_share [-], of the time that some body was outside the training range; fallback_share [-], of
-        the coefficient model in the loads, mean over time and bodies.
+        the coefficient model in the loads, mean over time and bodies. With members (`exumob.ensemble.add_members`):
+        forward_spread, lateral_spread [m], yaw_spread [rad], standard deviations of their ends.
     """
     hull = dataset.sel(body="hull")
     path = hull["position"].sel(axis=["x", "y"]).values
@@ -253,6 +254,7 @@ def summary(dataset: xr.Dataset) -> dict[str, float]:
         "wall_time": wall,
         "real_time_factor": end / wall if wall > 0.0 else float("inf"),
         **_range_shares(dataset),
+        **_member_spreads(dataset),
     }
 
 
@@ -262,6 +264,17 @@ def _range_shares(dataset: xr.Dataset) -> dict[str, float]:
     return {
         "out_of_range_share": float(dataset["hydrodynamics_out_of_range"].any("body").mean()),
         "fallback_share": float(dataset["hydrodynamics_fallback_share"].mean()),
+    }
+
+
+def _member_spreads(dataset: xr.Dataset) -> dict[str, float]:
+    if "member_position" not in dataset:
+        return {}
+    ends = dataset["member_position"].isel(time=-1)
+    return {
+        "forward_spread": float(ends.sel(axis="x").std("member", ddof=1)),
+        "lateral_spread": float(ends.sel(axis="y").std("member", ddof=1)),
+        "yaw_spread": float(dataset["member_yaw"].isel(time=-1).std("member", ddof=1)),
     }
 
 

@@ -17,11 +17,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, SurrogateHydrodynamics
-from exumob.hydrodynamics.surrogate import shipped_networks
 from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import compare
-from exumob.learning.presets import BEST, PRESETS
+from exumob.learning.presets import PRESETS
+from exumob.learning.report import ENSEMBLE, by_scenario, markdown, models, plot_paths
 from exumob.plotting import STYLE, save_figure
 from exumob.results import save_dataset
 from exumob.scenarios import UNSEEN
@@ -30,37 +29,9 @@ from vehicle_models.amphibious import amphibious_vehicle
 
 FIGURES = Path(__file__).parent / "figures"
 DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"
-ENSEMBLE = f"{BEST}, ensemble"
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 Runs = Mapping[tuple[str, str], Sequence[xr.Dataset]]
-
-
-def models(folder: Path) -> dict[str, list[Hydrodynamics]]:
-    """Members of each model: what was trained into a folder, and what comes with exumob."""
-    found: dict[str, list[Hydrodynamics]] = {"published coefficients": [CoefficientHydrodynamics()]}
-    for preset in PRESETS:
-        files = sorted(folder.glob(f"{preset}_seed*.safetensors"))
-        if files:
-            found[preset] = [SurrogateHydrodynamics(file) for file in files]
-    found[ENSEMBLE] = [SurrogateHydrodynamics(shipped_networks())]
-    return found
-
-
-def paths(runs: Runs, references: Mapping[str, xr.Dataset], model: str) -> Figure:
-    """Trajectories (paper Figs. 12 and 15): CFD-MBD dashed, a line for each member."""
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(9.0, 3.6), layout="constrained")
-        for n, (scenario, reference) in enumerate(references.items()):
-            x, y = reference["position"].sel(body="hull").values[:, :2].T
-            axes.plot(x - x[0], y, color=f"C{n}", ls="--", lw=1.6)
-            for k, run in enumerate(runs[model, scenario]):
-                x, y = run["position"].sel(body="hull").values[:, :2].T
-                axes.plot(x - x[0], y, color=f"C{n}", lw=1.0, alpha=0.8, label=None if k else scenario)
-        axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{model}: solid; CFD-MBD: dashed")
-        axes.set_ylim(-0.15, 1.0)
-        axes.legend(loc="upper left", ncols=2)
-    return figure
 
 
 def motions(runs: Runs, references: Mapping[str, xr.Dataset], model: str) -> Figure:
@@ -106,40 +77,19 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
     files = [DATA / f"{scenario.file_stem}.nc" for scenario in UNSEEN if scenario.name in names]
     runs_by_name = load_runs(files)
     references = {name: runs_by_name[name] for name in names}
-    chosen = {n: m for n, m in models(networks).items() if not quick or n == ENSEMBLE}
+    chosen = {n: m for n, m in models(networks, () if quick else tuple(PRESETS)).items() if not quick or n == ENSEMBLE}
     table, runs = compare(chosen, references, amphibious_vehicle(), told=None if quick else lambda word: print(word))
     if quick:
         return table
     FIGURES.mkdir(exist_ok=True)
-    save_figure(paths(runs, references, ENSEMBLE), FIGURES / "unseen_paths.png")
+    with plt.rc_context(STYLE):
+        figure, axes = plt.subplots(figsize=(9.0, 3.6), layout="constrained")
+        plot_paths(axes, runs, references, ENSEMBLE)
+    save_figure(figure, FIGURES / "unseen_paths.png")
     save_figure(motions(runs, references, ENSEMBLE), FIGURES / "unseen_motions.png")
     save_figure(hull_loads(runs, references, ENSEMBLE), FIGURES / "unseen_hull_loads.png")
-    for model in ("paper-lstm", "paper-dense"):
-        if model in chosen:
-            save_figure(paths(runs, references, model), FIGURES / f"unseen_paths_{model}.png")
     save_dataset(table, FIGURES / "predict_unseen.nc")
     return table
-
-
-COLUMNS = (("path", 1.0, "%"), ("final", 1.0, "%"), ("yaw", 1.0, "deg"), ("lateral_velocity", 1e3, "mm/s"))
-
-
-def markdown(table: xr.Dataset) -> str:
-    """Table for the README: means over the scenarios, +- the spread over seeds, and the worst scenario."""
-    lines = [
-        "| model | load error | path | final position (worst) | yaw | lateral velocity |",
-        "|---|---|---|---|---|---|",
-    ]
-    for model in table["model"].values:
-        one = table.sel(model=model)
-        cells = [str(model), f"{float(one['load_error'].mean()):.2f}"]
-        for name, factor, unit in COLUMNS:
-            members = factor * one[name].mean("scenario")
-            spread = f" +- {float(members.std(ddof=1)):.2f}" if int(members.notnull().sum()) > 1 else ""
-            worst = f" ({float(one[name].mean('member').max()):.1f} %)" if name == "final" else ""
-            cells.append(f"{float(members.mean()):.2f}{spread} {unit}{worst}")
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
 
 
 if __name__ == "__main__":
@@ -149,4 +99,4 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--networks", type=Path, default=Path("networks"), help="folder of `exumob train`")
     answer = main(networks=parser.parse_args().networks)
-    print(markdown(answer))
+    print(markdown(answer), by_scenario(answer), sep="\n\n")

@@ -11,6 +11,7 @@ import hashlib
 import itertools
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cache, cached_property
 from pathlib import Path
@@ -179,6 +180,14 @@ class NetworkSet:
         _check_arrays(architecture, arrays, path)
         return cls(architecture, arrays, header["about"])
 
+    @classmethod
+    def together(cls, sets: Sequence[NetworkSet]) -> NetworkSet:
+        """Several sets of one architecture as one that holds the bodies of all, one set after the other."""
+        first = sets[0]
+        assert all(s.architecture == first.architecture for s in sets)
+        names = [name for name in first.arrays if not name.endswith("_loss")]
+        return cls(first.architecture, {n: np.concatenate([s.arrays[n] for s in sets]) for n in names}, first.about)
+
     def digest(self) -> str:
         """Short hash of all arrays."""
         found = hashlib.sha256()
@@ -210,7 +219,8 @@ class NetworkSet:
         array, shape (5, 6)
             Force [N] and moment [N m], body axes; without the base model's.
         """
-        scaled, out = self.scaled(inputs), np.empty((5, 6), np.float32)
+        scaled = self.scaled(inputs)
+        out = np.empty((len(scaled), len(WRENCH_COMPONENTS)), np.float32)
         a, architecture = self.arrays, self.architecture
         if architecture.layer == "polynomial":
             terms = monomials(scaled[:, 0], architecture.degree)
@@ -221,7 +231,7 @@ class NetworkSet:
             if architecture.layer == "lstm":
                 _lstm(scaled, turned["W"], turned["U"], a["b"], *last, out)
             else:
-                _dense(scaled.reshape(5, -1), turned["W"], a["b"], *last, out)
+                _dense(scaled.reshape(len(scaled), -1), turned["W"], a["b"], *last, out)
         return np.asarray(out * a["output_scale"] + a["output_mean"], float)
 
     @cached_property
@@ -242,9 +252,9 @@ class NetworkSet:
             terms = monomials(scaled[:, :, 0], architecture.degree)
             return np.asarray(np.einsum("nbt,btm->nbm", terms, a["coefficients"]), np.float32)
         if architecture.layer == "dense":
-            hidden = np.tanh(x.reshape(5, len(scaled), -1) @ a["W"].mT + a["b"][:, None])
+            hidden = np.tanh(x.reshape(len(x), len(scaled), -1) @ a["W"].mT + a["b"][:, None])
         else:
-            hidden = cell = np.zeros((5, len(scaled), architecture.width), np.float32)
+            hidden = cell = np.zeros((len(x), len(scaled), architecture.width), np.float32)
             for tap in range(architecture.taps):
                 gates = x[:, :, tap] @ a["W"].mT + hidden @ a["U"].mT + a["b"][:, None]
                 i, f, g, o = np.split(gates, 4, axis=-1)

@@ -19,7 +19,7 @@ import xarray as xr
 from exumob.environment import Water
 from exumob.hydrodynamics.coefficients import CoefficientHydrodynamics
 from exumob.hydrodynamics.inputs import network_inputs
-from exumob.hydrodynamics.networks import NetworkSet, window_rows
+from exumob.hydrodynamics.networks import Architecture, NetworkSet, window_rows
 from exumob.states import BODIES, WRENCH_COMPONENTS, Array, BodyStates
 from exumob.vehicle import Vehicle
 
@@ -64,10 +64,10 @@ class SurrogateHydrodynamics:
             "networks": [{"name": n.name, "digest": n.digest()} for n in self.networks], "fallback": fallback
         }  # fmt: skip
         """What was chosen, as kept in results."""
-        self._groups: dict[tuple[tuple[str, ...], int, int], list[NetworkSet]] = {}
+        groups: dict[Architecture, list[NetworkSet]] = {}
         for network in self.networks:
-            seen = network.architecture
-            self._groups.setdefault((seen.inputs, seen.taps, seen.stride), []).append(network)
+            groups.setdefault(network.architecture, []).append(network)
+        self._groups = [(NetworkSet.together(group), len(group)) for group in groups.values()]
         self._water: Water | None = None
 
     def start(self, vehicle: Vehicle, water: Water | None, macro_step: float) -> None:
@@ -94,20 +94,22 @@ class SurrogateHydrodynamics:
         base = None if self._coefficients is None else self._coefficients.wrenches(history, predict)
         if len(history) == 1:  # no past: it settles, or is about to be released
             history = _at_rest(history)
+        resting = np.hypot(history.velocity[-1, 0, 0], history.velocity[-1, 0, 1]) < MOVING
         members, excess = [], []
-        for (names, taps, stride), networks in self._groups.items():
-            inputs = network_inputs(_rows(history, window_rows(history.time, taps, stride)), water, names)
-            window = np.ascontiguousarray(np.moveaxis(inputs, 0, 1))
-            resting = np.hypot(history.velocity[-1, 0, 0], history.velocity[-1, 0, 1]) < MOVING
-            for network in networks:
-                loads = network.loads(window) * (water.density / TRAINED_DENSITY)
-                if network.architecture.base == "coefficients":
-                    assert base is not None
-                    loads = loads + base
-                members.append(loads)
-                excess.append(np.full((5, 2), -1.0) if resting else network.excess(inputs[-1]))
-        found = np.array(members)
-        loads, outside = found.mean(axis=0), np.mean(excess, axis=0)
+        for networks, count in self._groups:
+            seen = networks.architecture
+            rows = window_rows(history.time, seen.taps, seen.stride)
+            inputs = np.moveaxis(network_inputs(_rows(history, rows), water, seen.inputs), 0, 1)
+            window = np.tile(inputs, (count, 1, 1))
+            loads = networks.loads(window).reshape(count, 5, 6) * (water.density / TRAINED_DENSITY)
+            if seen.base == "coefficients":
+                assert base is not None
+                loads = loads + base
+            members.append(loads)
+            outside = np.full((count, 5, 2), -1.0)
+            excess.append(outside if resting else networks.excess(window[:, -1]).reshape(outside.shape))
+        found = np.concatenate(members)
+        loads, outside = found.mean(axis=0), np.concatenate(excess).mean(axis=0)
         share = np.zeros(5)
         if self.fallback:
             assert base is not None

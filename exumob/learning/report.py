@@ -1,0 +1,91 @@
+"""Tables and figures of an evaluation (`exumob.learning.evaluation.compare`), shared by the studies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, SurrogateHydrodynamics
+from exumob.hydrodynamics.surrogate import shipped_networks
+from exumob.learning.presets import BEST, PRESETS
+from exumob.states import Array
+
+ENSEMBLE = f"{BEST}, ensemble"
+"""The networks that come with exumob, all together."""
+PUBLISHED = "published coefficients"
+"""`CoefficientHydrodynamics`: nothing of it is fitted."""
+MEASURES = (("path", 1.0, "%"), ("final", 1.0, "%"), ("yaw", 1.0, "deg"), ("lateral_velocity", 1e3, "mm/s"))
+"""Columns of a table: measure, factor, unit."""
+
+
+def models(folder: Path, presets: Sequence[str] = tuple(PRESETS)) -> dict[str, list[Hydrodynamics]]:
+    """Members of each model: the published coefficients, what was trained into a folder, the shipped ensemble.
+
+    Raises
+    ------
+    ValueError
+        If a preset was not trained into the folder.
+    """
+    found: dict[str, list[Hydrodynamics]] = {PUBLISHED: [CoefficientHydrodynamics()]}
+    for preset in presets:
+        files = sorted(folder.glob(f"{preset}_seed*.safetensors"))
+        if not files:
+            raise ValueError(f"{folder} holds no networks of {preset}; first: exumob train --output {folder}")
+        found[preset] = [SurrogateHydrodynamics(file) for file in files]
+    return found | {ENSEMBLE: [SurrogateHydrodynamics(shipped_networks())]}
+
+
+def plot_paths(
+    axes: Axes, runs: Mapping[tuple[str, str], Sequence[xr.Dataset]], references: Mapping[str, xr.Dataset], model: str
+) -> None:
+    """Trajectories (paper Figs. 11, 12, 15): CFD-MBD dashed, a solid line for each member."""
+    for n, (scenario, reference) in enumerate(references.items()):
+        axes.plot(*_track(reference), color=f"C{n}", ls="--", lw=1.6)
+        for k, run in enumerate(runs[model, scenario]):
+            axes.plot(*_track(run), color=f"C{n}", lw=1.0, alpha=0.8, label=None if k else scenario)
+    axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{model} (dashed: CFD-MBD)")
+    axes.set_ylim(-0.15, 1.05)
+    axes.legend(loc="upper left", ncols=2 if len(references) < 6 else 3, fontsize="small")
+
+
+def markdown(table: xr.Dataset) -> str:
+    """Means over the scenarios, +- the spread of the members' means; in brackets the worst scenario's mean."""
+    lines = [
+        "| model | load error | path | final position (worst) | yaw | lateral velocity |",
+        "|---|---|---|---|---|---|",
+    ]
+    for model in table["model"].values:
+        one = table.sel(model=model)
+        loads = float(one["load_error"].mean())
+        cells = [str(model), f"{loads:.2f}" if np.isfinite(loads) else "-"]
+        for name, factor, unit in MEASURES:
+            members = factor * one[name].mean("scenario", skipna=False)
+            spread = f" +- {float(members.std(ddof=1)):.2f}" if int(members.notnull().sum()) > 1 else ""
+            worst = f" ({float(one[name].mean('member').max()):.1f} %)" if name == "final" else ""
+            cells.append(f"{float(members.mean()):.2f}{spread} {unit}{worst}")
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def by_scenario(table: xr.Dataset, measure: str = "final", unit: str = "%") -> str:
+    """A row for each model, a column for each scenario: mean of the members, +- their spread."""
+    names = [str(s) for s in table["scenario"].values]
+    lines = [f"| {measure} [{unit}] | {' | '.join(names)} |", "|---" * (len(names) + 1) + "|"]
+    for model in table["model"].values:
+        cells = [str(model)]
+        for name in names:
+            values = table[measure].sel(model=model, scenario=name).dropna("member")
+            spread = f" +- {float(values.std(ddof=1)):.1f}" if values.size > 1 else ""
+            cells.append(f"{float(values.mean()):.1f}{spread}")
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _track(run: xr.Dataset) -> Array:
+    """Way of the hull from where it started; shape (2, n)."""
+    way = run["position"].sel(body="hull").values[:, :2].astype(float)
+    return np.asarray((way - way[0]).T)

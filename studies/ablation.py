@@ -1,0 +1,94 @@
+"""Does the LSTM layer matter? (paper Sec. 5.2, Fig. 15)
+
+The paper's network against the same with a dense layer in the place of the LSTM's, fed y(t_n) alone: five seeds each,
+paired by seed (the same runs to learn from), on the four unseen runs. Then why: what of the LSTM's answer comes from
+the two samples before the present one, which lie 1 and 2 ms back? Their window is filled with the present state and the
+change of the loads is compared with their size, along the CFD-MBD runs.
+
+First: exumob train --output networks
+Run: python studies/ablation.py --networks networks
+"""
+
+import argparse
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+from scipy import stats
+
+from exumob.hydrodynamics import SurrogateHydrodynamics
+from exumob.hydrodynamics.inputs import network_inputs
+from exumob.hydrodynamics.networks import NetworkSet
+from exumob.learning.dataset import body_states, load_runs, water_of
+from exumob.learning.evaluation import THINNING, compare
+from exumob.learning.report import MEASURES, markdown, plot_paths
+from exumob.plotting import STYLE, save_figure
+from exumob.scenarios import UNSEEN
+from exumob.states import BODIES
+from vehicle_models.amphibious import amphibious_vehicle
+
+FIGURES = Path(__file__).parent / "figures"
+DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"
+PAIR = ("paper-lstm", "paper-dense")
+
+
+def memory_share(network: NetworkSet, run: xr.Dataset) -> np.ndarray:
+    """Rms change of the loads when the network is shown the present only, over the loads' deviation; shape (5,)."""
+    architecture = network.architecture
+    inputs = network_inputs(body_states(run), water_of(run), architecture.inputs)
+    rows = np.arange(architecture.stride * (architecture.taps - 1), len(inputs), THINNING)
+    back = architecture.stride * np.arange(architecture.taps - 1, -1, -1)
+    window = np.moveaxis(inputs[rows[:, None] - back], 2, 1)
+    loads = network.many_loads(window)
+    present = network.many_loads(np.repeat(window[:, :, -1:], architecture.taps, axis=2))
+    change = np.sqrt(np.mean((loads - present) ** 2, axis=0)) / np.maximum(loads.std(axis=0), 1e-9)
+    return np.asarray(change.mean(axis=-1))
+
+
+def paired(table: xr.Dataset) -> str:
+    """LSTM less dense, seed by seed, means over the scenarios; positive: the dense network is nearer to CFD-MBD."""
+    lines = ["| LSTM less dense | mean | standard error | p (t test) | seeds for the LSTM |", "|---|---|---|---|---|"]
+    for name, factor, unit in MEASURES:
+        one, other = (factor * table[name].sel(model=model).mean("scenario").values for model in PAIR)
+        gap = one - other
+        p = stats.ttest_rel(one, other).pvalue if len(gap) > 1 else float("nan")
+        error = gap.std(ddof=1) / np.sqrt(len(gap)) if len(gap) > 1 else float("nan")
+        lines.append(
+            f"| {name} [{unit}] | {gap.mean():+.2f} | {error:.2f} | {p:.2f} | {(gap < 0).sum()} of {len(gap)} |"
+        )
+    return "\n".join(lines)
+
+
+def main(quick: bool = False, networks: Path = Path("networks")) -> tuple[xr.Dataset, np.ndarray]:
+    """Drive the unseen runs with both; return the table, and the share of memory by seed and body."""
+    files = {model: sorted(networks.glob(f"{model}_seed*.safetensors")) for model in PAIR}
+    for model, found in files.items():
+        if not found:
+            raise SystemExit(f"{networks} holds no networks of {model}; first: exumob train --output {networks}")
+    scenarios = UNSEEN[:1] if quick else UNSEEN
+    references = load_runs(DATA / f"{s.file_stem}.nc" for s in scenarios)
+    members = {model: [SurrogateHydrodynamics(file) for file in found] for model, found in files.items()}
+    table, runs = compare(members, references, amphibious_vehicle(), told=None if quick else print)
+    sets = [NetworkSet.load(file) for file in files["paper-lstm"]]
+    share = np.array([np.mean([memory_share(n, run) for run in references.values()], axis=0) for n in sets])
+    if not quick:
+        FIGURES.mkdir(exist_ok=True)
+        with plt.rc_context(STYLE):
+            figure, panels = plt.subplots(2, 1, figsize=(9.0, 7.0), sharex=True, layout="constrained")
+            for axes, model in zip(panels, PAIR, strict=True):
+                plot_paths(axes, runs, references, model)
+        save_figure(figure, FIGURES / "ablation_paths.png")
+    return table, share
+
+
+if __name__ == "__main__":
+    import matplotlib
+
+    matplotlib.use("Agg")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--networks", type=Path, default=Path("networks"), help="folder of `exumob train`")
+    answer, shares = main(networks=parser.parse_args().networks)
+    print(markdown(answer), paired(answer), sep="\n\n")
+    print("\nShare of the LSTM's loads that comes from the samples 1 and 2 ms back (rms over deviation):")
+    print(", ".join(f"{body} {100 * share:.1f} %" for body, share in zip(BODIES, shares.mean(axis=0), strict=True)))

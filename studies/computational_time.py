@@ -1,0 +1,134 @@
+"""What does a lane change cost, and what does a longer macro step do to it? (paper Sec. 5.3)
+
+D60/U1, 8 s, one core: macro step 1, 5, 10, 20, 50 ms, multibody step 0.1 and 0.5 ms, with the coefficient model, one
+set of the paper's LSTM networks, and the ensemble that comes with exumob. Error of the steps: against the same model at
+0.1/1 ms. Beside it the CFD-MBD run, and the paper's times (1,099 s, and 214 s at 0.5/20 ms, on 28 processors; CFD-MBD
+73 h on 336).
+
+First: exumob train --preset paper-lstm --output networks
+Run: python studies/computational_time.py --networks networks
+"""
+
+import argparse
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, SurrogateHydrodynamics
+from exumob.learning.dataset import load_runs
+from exumob.learning.evaluation import closed_loop, drive
+from exumob.plotting import STYLE, save_figure
+from exumob.results import save_dataset
+from exumob.scenarios import Scenario
+from vehicle_models.amphibious import amphibious_vehicle
+
+FIGURES = Path(__file__).parent / "figures"
+DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"
+SCENARIO = Scenario.named("D60/U1")
+MACRO = (1.0, 5.0, 10.0, 20.0, 50.0)
+"""[ms]"""
+MICRO = (0.1, 0.5)
+"""[ms]"""
+PAPER = {
+    "0.1/1 ms, 28 processors": 1099.0 * 28 / 3600,
+    "0.5/20 ms, 28 processors": 214.0 * 28 / 3600,
+    "CFD-MBD": 73.0 * 336,
+}
+"""Core hours of the paper (Sec. 5.3)."""
+
+
+def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
+    """Drive with every pair of steps; return wall time and errors, dims (model, micro, macro)."""
+    vehicle = amphibious_vehicle()
+    reference = load_runs([DATA / f"{SCENARIO.file_stem}.nc"])[SCENARIO.name]
+    models: dict[str, Hydrodynamics] = {"ensemble of five": SurrogateHydrodynamics()}
+    if not quick:
+        lstm = sorted(networks.glob("paper-lstm_seed*.safetensors"))
+        if not lstm:
+            raise SystemExit(f"first: exumob train --preset paper-lstm --output {networks}")
+        models = {"coefficients": CoefficientHydrodynamics(), "paper-lstm": SurrogateHydrodynamics(lstm[0])} | models
+    micro, macro = ((0.5,), (20.0, 50.0)) if quick else (MICRO, MACRO)
+    drive(SCENARIO, next(iter(models.values())), vehicle, {"micro_step": 5e-4, "macro_step": 20e-3})  # compile
+    shape = (len(models), len(micro), len(macro))
+    wall, step_error, final, yaw = (np.full(shape, np.nan) for _ in range(4))
+    for m, (model, water) in enumerate(models.items()):
+        finest: xr.Dataset | None = None
+        for i, fine in enumerate(micro):
+            for j, coarse in enumerate(macro):
+                run = drive(SCENARIO, water, vehicle, {"micro_step": 1e-3 * fine, "macro_step": 1e-3 * coarse})
+                finest = run if finest is None else finest
+                off = run["position"].sel(body="hull") - finest["position"].sel(body="hull")
+                measured = closed_loop(run, reference)
+                wall[m, i, j] = float(run.attrs["wall_time"])
+                step_error[m, i, j] = 1e3 * float(np.hypot(*off.values[-1, :2]))
+                final[m, i, j], yaw[m, i, j] = measured["final"], measured["yaw"]
+                if not quick:
+                    print(f"{model}, {fine:g}/{coarse:g} ms: {wall[m, i, j]:.2f} s, {step_error[m, i, j]:.2f} mm")
+    dims = ("model", "micro", "macro")
+    table = xr.Dataset(
+        {
+            "wall_time": (dims, wall, {"units": "s"}),
+            "step_error": (dims, step_error, {"units": "mm", "long_name": "final position, from that at 0.1/1 ms"}),
+            "final": (dims, final, {"units": "%", "long_name": "final position from CFD-MBD's, over the path"}),
+            "yaw": (dims, yaw, {"units": "deg", "long_name": "rms from CFD-MBD's"}),
+        },
+        {"model": list(models), "micro": list(micro), "macro": list(macro)},
+        {"cfd_wall_time": float(reference.attrs["wall_time"])},
+    )
+    if not quick:
+        FIGURES.mkdir(exist_ok=True)
+        save_figure(figure(table), FIGURES / "computational_time.png")
+        save_dataset(table, FIGURES / "computational_time.nc")
+    return table
+
+
+def figure(table: xr.Dataset) -> Figure:
+    """Time and error over the macro step."""
+    with plt.rc_context(STYLE):
+        drawn, (left, right) = plt.subplots(1, 2, figsize=(10.0, 3.6), layout="constrained")
+        for m, model in enumerate(table["model"].values):
+            for micro, line in zip(table["micro"].values, ("-", "--"), strict=False):
+                one = table.sel(model=model, micro=micro)
+                style = {"color": f"C{m}", "ls": line, "marker": "o", "ms": 3.5}
+                left.loglog(one["macro"], one["wall_time"], label=f"{model}, {micro:g} ms", **style)
+                right.loglog(one["macro"], np.maximum(one["step_error"], 1e-2), **style)
+        left.axhline(8.0, color="0.6", lw=0.8)
+        left.annotate("real time", (1.0, 8.3), fontsize="small", color="0.4")
+        left.set(xlabel="macro step [ms]", ylabel="wall time of 8 s [s], one core")
+        right.set(xlabel="macro step [ms]", ylabel="final position, from 0.1/1 ms [mm]")
+        left.legend(fontsize="x-small")
+    return drawn
+
+
+def markdown(table: xr.Dataset) -> str:
+    """Rows: model and multibody step; columns: macro step."""
+    macro = table["macro"].values
+    lines = [f"| model, multibody step | {' | '.join(f'{m:g} ms' for m in macro)} |", "|---" * (len(macro) + 1) + "|"]
+    for model in table["model"].values:
+        for micro in table["micro"].values:
+            one = table.sel(model=model, micro=micro)
+            cells = [
+                f"{float(w):.1f} s, {float(e):.1f} mm" for w, e in zip(one["wall_time"], one["step_error"], strict=True)
+            ]
+            lines.append(f"| {model}, {micro:g} ms | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    import matplotlib
+
+    matplotlib.use("Agg")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--networks", type=Path, default=Path("networks"), help="folder of `exumob train`")
+    answer = main(networks=parser.parse_args().networks)
+    print(markdown(answer))
+    one = answer.sel(model="ensemble of five", micro=0.5, macro=20.0)
+    cfd, fast = answer.attrs["cfd_wall_time"], float(one["wall_time"])
+    print(
+        f"\nCFD-MBD: {cfd / 3600:.2f} core hours; the ensemble at 0.5/20 ms {fast:.1f} s: {cfd / fast:.0f} times less."
+    )
+    slow, quick = PAPER["CFD-MBD"], PAPER["0.5/20 ms, 28 processors"]
+    print(f"The paper: {slow:.0f} against {quick:.2f} core hours: {slow / quick:.0f} times.")

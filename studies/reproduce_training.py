@@ -1,0 +1,84 @@
+"""Do the networks drive the runs that they learned from? (paper Sec. 5.1, Figs. 10 and 11)
+
+The nine training runs, driven by each model: published coefficients, regression, the paper's networks, ours; five seeds
+each, 0.5 ms / 20 ms. Each seed has seen eight of the nine: the ninth stopped its training, and of it the second table
+speaks.
+
+First: exumob train --output networks
+Run: python studies/reproduce_training.py --networks networks
+"""
+
+import argparse
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from exumob.learning.dataset import load_runs
+from exumob.learning.evaluation import compare
+from exumob.learning.presets import PRESETS
+from exumob.learning.report import ENSEMBLE, by_scenario, markdown, models, plot_paths
+from exumob.learning.training import held_back
+from exumob.plotting import STYLE, save_figure
+from exumob.results import save_dataset
+from exumob.scenarios import TRAINING, UNSEEN
+from vehicle_models.amphibious import amphibious_vehicle
+
+FIGURES = Path(__file__).parent / "figures"
+DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"
+
+
+def plan() -> Figure:
+    """Where the runs lie (paper Fig. 10)."""
+    with plt.rc_context(STYLE):
+        figure, axes = plt.subplots(figsize=(4.6, 3.2), layout="constrained")
+        for scenarios, style, label in ((TRAINING, "o", "training"), (UNSEEN, "^", "unseen")):
+            axes.plot(
+                [s.current_speed for s in scenarios], [100 * s.depth_ratio for s in scenarios], style, label=label
+            )
+        axes.set(xlabel="current [m/s]", ylabel="depth over tire diameter [%]", xlim=(-0.1, 1.1), ylim=(36, 66))
+        axes.legend(ncols=2, loc="upper center")
+    return figure
+
+
+def held_back_only(table: xr.Dataset, references: dict[str, xr.Dataset]) -> xr.Dataset:
+    """Of each seed the run that it held back; in the place of the scenarios one row, ``held back``."""
+    chosen = []
+    for member in table["member"].values:
+        name = held_back(references, int(member))
+        chosen.append(table.sel(member=member, scenario=name).drop_vars("scenario"))
+    return xr.concat(chosen, "member").expand_dims(scenario=["held back"])
+
+
+def main(quick: bool = False, networks: Path = Path("networks")) -> tuple[xr.Dataset, xr.Dataset]:
+    """Drive the training runs; return the tables of all runs and of those held back."""
+    names = [s.name for s in TRAINING]
+    loaded = load_runs(DATA / f"{s.file_stem}.nc" for s in TRAINING)
+    references = {name: loaded[name] for name in (names[:1] if quick else names)}
+    chosen = {n: m for n, m in models(networks, () if quick else tuple(PRESETS)).items() if not quick or n == ENSEMBLE}
+    table, runs = compare(chosen, references, amphibious_vehicle(), told=None if quick else print)
+    if quick:
+        return table, table
+    held = held_back_only(table.assign_coords(member=np.arange(table.sizes["member"])), references)
+    FIGURES.mkdir(exist_ok=True)
+    save_figure(plan(), FIGURES / "training_plan.png")
+    with plt.rc_context(STYLE):
+        figure, panels = plt.subplots(2, 1, figsize=(9.0, 7.0), sharex=True, layout="constrained")
+        for axes, model in zip(panels, ("paper-lstm", ENSEMBLE), strict=True):
+            plot_paths(axes, runs, references, model)
+    save_figure(figure, FIGURES / "training_paths.png")
+    save_dataset(table, FIGURES / "reproduce_training.nc")
+    return table, held
+
+
+if __name__ == "__main__":
+    import matplotlib
+
+    matplotlib.use("Agg")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--networks", type=Path, default=Path("networks"), help="folder of `exumob train`")
+    answer, kept = main(networks=parser.parse_args().networks)
+    print("All training runs:", markdown(answer), by_scenario(answer), sep="\n\n")
+    print("\nRuns held back:", markdown(kept), sep="\n\n")
