@@ -1,0 +1,153 @@
+"""Networks as an ONNX graph: for other programs, languages and machines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from exumob.hydrodynamics.inputs import INPUTS
+from exumob.hydrodynamics.networks import EDGE, SAMPLING, NetworkSet, exponents
+from exumob.states import BODIES, WRENCH_COMPONENTS
+
+OPSET = 17
+
+
+def export_onnx(networks: NetworkSet, file: str | Path) -> Path:
+    """Write the five networks as one graph.
+
+    Input ``states``, float32, shape (n, 5, taps, k): unscaled, oldest first, bodies and inputs as the file's metadata
+    say. Output ``loads``, shape (n, 5, 6): N and N m, body axes. Scaling and the training range's edge,
+    at which inputs are held, are part of the graph; a base model, whose loads are to be added, is not.
+
+    Parameters
+    ----------
+    networks : NetworkSet
+    file : path
+        .onnx
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ImportError
+        Without the package onnx (``pip install 'exumob[onnx]'``).
+    """
+    import onnx
+    from onnx import TensorProto, helper
+
+    architecture = networks.architecture
+    k, taps = len(architecture.inputs), architecture.taps
+    graph = _Graph(helper)
+    a = networks.arrays
+    mean, scale, low, high = (a[f"input_{name}"][:, None, :] for name in ("mean", "scale", "low", "high"))
+    edge = EDGE * (high - low)
+    held = graph("Min", graph("Max", "states", graph.constant(low - edge)), graph.constant(high + edge))
+    scaled = graph("Div", graph("Sub", held, graph.constant(mean)), graph.constant(scale))
+    x = graph("Transpose", scaled, perm=[1, 2, 0, 3])  # body, tap, instant, input
+
+    def tap(n: int) -> str:
+        return graph("Gather", x, graph.constant(np.array(n)), axis=1)
+
+    def layer(given: str, weight: str, bias: str) -> str:
+        return graph("Add", graph("MatMul", given, graph.constant(a[weight].mT)), graph.constant(a[bias][:, None]))
+
+    if architecture.layer == "polynomial":
+        factors = [(*[k] * (architecture.degree - len(c)), *c) for c in exponents(k, architecture.degree)]
+        with_one = graph("Pad", tap(0), graph.constant(np.array([0, 0, 0, 0, 0, 1])), graph.constant(np.float32(1.0)))
+        columns = [graph("Gather", with_one, graph.constant(np.array(c)), axis=2) for c in zip(*factors, strict=True)]
+        terms = columns[0]
+        for column in columns[1:]:
+            terms = graph("Mul", terms, column)
+        out = graph("MatMul", terms, graph.constant(a["coefficients"]))
+    else:
+        if architecture.layer == "dense":
+            window = graph("Concat", *[tap(n) for n in range(taps)], axis=2)
+            hidden = graph("Tanh", layer(window, "W", "b"))
+        else:
+            hidden = _lstm(graph, [tap(n) for n in range(taps)], a, layer)
+        hidden = graph("Tanh", layer(hidden, "dense_weight", "dense_bias"))
+        out = layer(hidden, "out_weight", "out_bias")
+    sized = graph("Mul", out, graph.constant(a["output_scale"][:, None]))
+    loads = graph("Transpose", graph("Add", sized, graph.constant(a["output_mean"][:, None])), perm=[1, 0, 2])
+    graph.nodes[-1].output[0] = "loads"
+    assert loads != "loads"
+
+    model = helper.make_model(
+        helper.make_graph(
+            graph.nodes, "exumob_networks",
+            [helper.make_tensor_value_info("states", TensorProto.FLOAT, ["n", 5, taps, k])],
+            [helper.make_tensor_value_info("loads", TensorProto.FLOAT, ["n", 5, len(WRENCH_COMPONENTS)])],
+            graph.constants,
+        ),
+        opset_imports=[helper.make_opsetid("", OPSET)], ir_version=9,
+        producer_name="exumob",
+    )  # fmt: skip
+    helper.set_model_props(
+        model,
+        {
+            "bodies": ", ".join(BODIES),
+            "inputs": ", ".join(f"{name} [{INPUTS[name].unit}]" for name in architecture.inputs),
+            "outputs": ", ".join(WRENCH_COMPONENTS),
+            "interval": f"{architecture.stride * SAMPLING:g} s between the taps, the present one last",
+            "base": architecture.base,
+            "networks": f"{networks.name}, {networks.digest()}",
+        },
+    )
+    path = Path(file)
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        onnx.save(model, str(partial))
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def _lstm(graph: _Graph, taps: list[str], arrays: dict[str, Any], layer: Any) -> str:
+    """Paper Eqs. (8), (9); gates in the order i, f, c, o."""
+    recurrent = graph.constant(arrays["U"].mT)
+    hidden = cell = ""
+    for given in taps:
+        gates = layer(given, "W", "b")
+        if hidden:  # h = c = 0 before
+            gates = graph("Add", gates, graph("MatMul", hidden, recurrent))
+        i, f, g, o = graph.split(gates, 4)
+        fresh = graph("Mul", graph("Sigmoid", i), graph("Tanh", g))
+        cell = graph("Add", graph("Mul", graph("Sigmoid", f), cell), fresh) if cell else fresh
+        hidden = graph("Mul", graph("Sigmoid", o), graph("Tanh", cell))
+    return hidden
+
+
+class _Graph:
+    """Nodes and constants, named by number."""
+
+    def __init__(self, helper: Any) -> None:
+        self._helper = helper
+        self.nodes: list[Any] = []
+        self.constants: list[Any] = []
+
+    def __call__(self, operation: str, *inputs: str, **attributes: Any) -> str:
+        name = f"v{len(self.nodes)}"
+        self.nodes.append(self._helper.make_node(operation, list(inputs), [name], **attributes))
+        return name
+
+    def split(self, value: str, parts: int) -> list[str]:
+        """Equal parts of the last axis."""
+        names = [f"v{len(self.nodes)}_{n}" for n in range(parts)]
+        self.nodes.append(self._helper.make_node("Split", [value], names, axis=2))
+        return names
+
+    def constant(self, value: NDArray[Any] | np.generic) -> str:
+        """Name of a constant: float32, or int64 for whole numbers."""
+        from onnx import numpy_helper
+
+        array = np.asarray(value)
+        kind = np.int64 if np.issubdtype(array.dtype, np.integer) else np.float32
+        name = f"c{len(self.constants)}"
+        self.constants.append(numpy_helper.from_array(np.array(array, kind, order="C"), name))
+        return name
