@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import compare
-from exumob.learning.presets import PRESETS
+from exumob.learning.presets import BEST
 from exumob.learning.report import ENSEMBLE, by_scenario, markdown, models, plot_paths
 from exumob.learning.training import held_back
 from exumob.plotting import STYLE, save_figure
@@ -57,7 +57,11 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> tuple[xr.Dat
     names = [s.name for s in TRAINING]
     loaded = load_runs(DATA / f"{s.file_stem}.nc" for s in TRAINING)
     references = {name: loaded[name] for name in (names[:1] if quick else names)}
-    chosen = {n: m for n, m in models(networks, () if quick else tuple(PRESETS)).items() if not quick or n == ENSEMBLE}
+    chosen = {
+        n: m
+        for n, m in models(networks, () if quick else ("paper-lstm", "paper-dense", "coefficients", BEST)).items()
+        if not quick or n == ENSEMBLE
+    }
     table, runs = compare(chosen, references, amphibious_vehicle(), told=None if quick else print)
     if quick:
         return table, table

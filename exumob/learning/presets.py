@@ -56,7 +56,11 @@ PRESETS = {
         Preset(
             "residual", Architecture(RICH_INPUTS, 1, 1, "dense", 64, 32, base="coefficients"), mirror=True, noise=0.05
         ),
+        Preset(
+            "memory", Architecture(RICH_INPUTS, 5, 250, "dense", 64, 32, base="coefficients"), mirror=True, noise=0.05
+        ),
     )
 }
 BEST = "residual"
-"""Chosen by closed-loop error on the held-back runs; comes with exumob."""
+"""Chosen by closed-loop error on the held-back runs; comes with exumob. (``memory``, the same with a second of the past,
+is worse there: 0.98 +- 0.2 % of the path instead of 0.75; nine runs do not teach what the bow wave remembers.)"""
