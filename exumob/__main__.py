@@ -322,6 +322,34 @@ def train_command(
         console.print(f"{name}: {len(sets)} files in {output}, learning curves {curves}", highlight=False)
 
 
+@app.command("export")
+def export_command(
+    networks: Annotated[Path, typer.Argument(help="File of networks (.safetensors).")],
+    output: Annotated[Path, typer.Option(help="Write the ONNX graph here (.onnx).")],
+) -> None:
+    """Write networks as an ONNX graph, for other programs.
+
+    Example: exumob export networks/residual_seed0.safetensors --output residual.onnx
+    """
+    from exumob.hydrodynamics.networks import NetworkSet
+
+    try:
+        _check_targets({"--output": output})
+        if output.suffix != ".onnx":
+            raise ValueError(f"--output {output} must end in .onnx.")
+        found = NetworkSet.load(networks)
+        from exumob.learning.onnx_export import export_onnx
+
+        file = export_onnx(found, output)
+    except (ValueError, OSError) as error:
+        _fail(error)
+    except ImportError as error:
+        _fail(ImportError(f"{error}; the export needs onnx: pip install 'exumob[onnx]'"))
+    base = found.architecture.base
+    added = "" if base == "none" else f"; to its loads those of the model '{base}' are to be added"
+    console.print(f"{file}: {found.name}{added}", highlight=False)
+
+
 @app.command()
 def soils() -> None:
     """List the published soils with their Bekker-Wong parameters."""
@@ -439,7 +467,7 @@ def _check_targets(targets: dict[str, Path | None]) -> None:
         except OSError as error:
             raise ValueError(f"{option} {path}: the folder cannot be written ({error.strerror}).") from None
     for option, endings in (("--figure", (".png", ".pdf", ".svg")), ("--animate", (".gif", ".mp4"))):
-        path = targets[option]
+        path = targets.get(option)
         if path is not None and path.suffix not in endings:
             known = ", ".join(endings[:-1]) + f" or {endings[-1]}"
             raise ValueError(f"{option} {path}: the ending {path.suffix!r} is not known; use {known}.")

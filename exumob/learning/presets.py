@@ -62,5 +62,7 @@ PRESETS = {
     )
 }
 BEST = "residual"
-"""Chosen by closed-loop error on the held-back runs; comes with exumob. (``memory``, the same with a second of the past,
-is worse there: 0.98 +- 0.2 % of the path instead of 0.75; nine runs do not teach what the bow wave remembers.)"""
+"""Chosen by closed-loop error on the held-back runs; comes with exumob.
+
+``memory``, the same with a second of the past, is worse there (0.98 instead of 0.75 % of the path): nine runs do not
+teach what the bow wave remembers."""

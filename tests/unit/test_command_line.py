@@ -19,7 +19,8 @@ OPTIONS = {
     "--depth-ratio": "0.6", "--current": "1.0", "--steering": "30", "--soil": "LETE sand",
     "--hydrodynamics": "networks where they fit the vehicle, else coefficients",
     "--vehicle": None, "--duration": "8", "--micro-step": "0.0001", "--macro-step": "0.001", "--output": None,
-    "--figure": None, "--animate": None, "--cell-size": "0.0115", "--coarse": None, "--coupling": "semi-implicit",
+    "--networks": None, "--members": None, "--figure": None, "--animate": None, "--cell-size": "0.0115",
+    "--coarse": None, "--coupling": "semi-implicit",
     "--threads": "1", "--checkpoint": None, "--resume": None,
 }  # fmt: skip
 """Of the specification, with the defaults it states."""
@@ -380,3 +381,28 @@ def test_cells_too_coarse_are_said_with_exit_code_2():
     answer = call("lane-change", "--hydrodynamics", "cfd", "--cell-size", "0.05", "--duration", "0.1")
     assert answer.exit_code == 2
     assert "use a cell size of 0.0115 m or less" in plain(answer.output)
+
+
+@pytest.mark.parametrize("model, extra, word", [
+    ("coefficients", ["--networks", "a.safetensors"], "--networks means nothing with --hydrodynamics coefficients"),
+    ("coefficients", ["--members"], "--members needs networks"),
+])  # fmt: skip
+def test_networks_are_asked_for_where_they_act(model, extra, word):
+    answer = lane_change("--hydrodynamics", model, *extra)
+    assert answer.exit_code == 2 and word in plain(answer.output)
+
+
+def test_networks_are_the_default(tmp_path):
+    answer = lane_change("--members", "--output", tmp_path / "run.nc")
+    assert answer.exit_code == 0, answer.output
+    assert "SurrogateHydrodynamics" in answer.output and "members' spread" in answer.output
+    with load_dataset(tmp_path / "run.nc") as run:
+        assert run["member_position"].sizes["member"] == 5
+
+
+def test_vehicle_that_the_networks_do_not_know_gets_the_coefficient_model():
+    answer = lane_change(
+        "--vehicle", Path(__file__).parents[2] / "vehicle_models" / "light_4x4.py", "--soil", "LETE sand"
+    )
+    assert "they were trained with" in plain(answer.output)
+    assert "CoefficientHydrodynamics" in answer.output or answer.exit_code == 2

@@ -5,7 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from exumob.__main__ import app
 from exumob.ensemble import add_members
 from exumob.environment import Water
 from exumob.hydrodynamics import CoefficientHydrodynamics, SurrogateHydrodynamics
@@ -89,6 +91,18 @@ def test_onnx_and_the_loop_agree(architecture, vehicle, tmp_path):
     assert loads == pytest.approx(network.many_loads(window), rel=1e-4, abs=1e-4)
     said = session.get_modelmeta().custom_metadata_map
     assert said["inputs"].startswith("forward_flow [m/s]") and said["base"] == "none"
+
+
+def test_export_command(tmp_path):
+    pytest.importorskip("onnx")
+    file = tmp_path / "one.onnx"
+    answer = CliRunner().invoke(app, ["export", str(shipped_networks()[0]), "--output", str(file)])
+    assert answer.exit_code == 0 and file.stat().st_size > 50_000
+    assert "residual, seed 0" in answer.output and "'coefficients'" in answer.output
+    wrong = CliRunner().invoke(app, ["export", str(shipped_networks()[0]), "--output", str(tmp_path / "one.pt")])
+    assert wrong.exit_code == 2 and "must end in .onnx" in wrong.output
+    foreign = CliRunner().invoke(app, ["export", str(file), "--output", str(file)])
+    assert foreign.exit_code == 2 and "not a file of networks" in foreign.output.replace("\n", " ")
 
 
 def test_lstm_is_the_papers():

@@ -1,6 +1,7 @@
 """Every study runs, and gives the numbers that it is about (quick settings)."""
 
 import importlib.util
+import shutil
 import sys
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from exumob import ConstantSteer, Soil, load_vehicle, simulate
+from exumob.hydrodynamics.surrogate import shipped_networks
 
 ROOT = Path(__file__).parents[2]
 
@@ -79,3 +81,26 @@ def test_shipped_networks_predict_an_unseen_run():
     result = load_study("predict_unseen").main(quick=True).squeeze()
     assert str(result["scenario"].item()) == "D50/U0.5"
     assert float(result["final"]) < 2.0 and float(result["yaw"]) < 2.0
+
+
+def test_shipped_networks_reproduce_a_training_run():
+    """D40/U0: the aims are 2 % of the path and 2 degrees."""
+    result = load_study("reproduce_training").main(quick=True)[0].squeeze()
+    assert float(result["final"]) < 2.0 and float(result["yaw"]) < 2.0
+
+
+def test_computational_time_study_measures_time_and_error():
+    """50 ms instead of 20 ms is no slower by more than chance and moves the end by less than 2 % of 2.8 m."""
+    result = load_study("computational_time").main(quick=True).squeeze()
+    assert result.sizes == {"macro": 2}
+    assert float(result["wall_time"].min()) > 0.0
+    assert float(result["step_error"][0]) == 0.0 and 0.0 < float(result["step_error"][1]) < 56.0
+
+
+def test_ablation_study_compares_what_it_is_given(tmp_path):
+    """The same networks under both names: no difference; and one sample has no past to remember."""
+    for name in ("paper-lstm", "paper-dense"):
+        shutil.copy(shipped_networks()[0], tmp_path / f"{name}_seed0.safetensors")
+    table, share = load_study("ablation").main(quick=True, networks=tmp_path)
+    assert float(table["final"].sel(model="paper-lstm")) == float(table["final"].sel(model="paper-dense")) < 5.0
+    assert share.shape == (1, 5) and not share.any()
