@@ -1,0 +1,169 @@
+"""A run as data, any field of which is set by its dotted name: ``hull.mass``, ``water.depth_ratio``, ``soil.n``."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any, TypeVar, cast
+
+import xarray as xr
+
+from exumob.environment import Soil, Water
+from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, NoWater, SurrogateHydrodynamics
+from exumob.hydrodynamics.coefficients import Coefficients
+from exumob.maneuver import LaneChange, Maneuver, lane_change
+from exumob.simulation import simulate
+from exumob.vehicle import Vehicle
+
+T = TypeVar("T")
+MODELS = ("networks", "coefficients", "none")
+"""Values of ``hydrodynamics``."""
+STEPS = ("duration", "micro_step", "macro_step", "record_step")
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One lane change, or another maneuver, ready to be run; calling it with values by name runs the changed one.
+
+    Names: those of `Vehicle` and its parts (``hull.mass``, ``wheelbase``), ``soil`` (a published name) and
+    ``soil.<field>``, ``water.<field>`` and ``water.depth_ratio`` (over the tyre's diameter; 0: no water),
+    ``maneuver.<field>``, ``hydrodynamics`` (`MODELS`), ``hydrodynamics.member`` (one network of the ensemble, by
+    number), ``hydrodynamics.<field>`` of the coefficients, and ``duration``, ``micro_step``, ``macro_step``,
+    ``record_step``.
+    """
+
+    vehicle: Vehicle
+    soil: Soil
+    water: Water | None = None
+    maneuver: Maneuver = field(default_factory=lane_change)
+    hydrodynamics: str = "networks"
+    """One of `MODELS`"""
+    member: int | None = None
+    """The network that acts alone; None: the whole ensemble"""
+    coefficients: Coefficients = field(default_factory=Coefficients)
+    duration: float = 8.0
+    """[s]"""
+    micro_step: float = 5e-4
+    """[s]"""
+    macro_step: float = 20e-3
+    """[s]"""
+    record_step: float = 20e-3
+    """[s]"""
+
+    def __post_init__(self) -> None:
+        if self.hydrodynamics not in MODELS:
+            raise ValueError(f"hydrodynamics = {self.hydrodynamics!r} is not known; use {', '.join(MODELS)}.")
+
+    def names(self) -> list[str]:
+        """Everything that can be varied, by dotted name."""
+        found = _leaves(self.vehicle) + [f"soil.{n}" for n in _leaves(self.soil)] + ["soil"]
+        found += ["water.depth_ratio", *(f"water.{n}" for n in _leaves(self.water or Water(0.1)))]
+        if is_dataclass(self.maneuver):
+            found += [f"maneuver.{n}" for n in _leaves(self.maneuver)]
+        return [
+            *found, "hydrodynamics", "hydrodynamics.member",
+            *(f"hydrodynamics.{f.name}" for f in fields(Coefficients)), *STEPS,
+        ]  # fmt: skip
+
+    def with_values(self, values: Mapping[str, Any]) -> Experiment:
+        """The experiment with other values.
+
+        Raises
+        ------
+        ValueError
+            If a name is not known, or a value is refused by what it belongs to.
+        """
+        known = self.names()
+        for name in values:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, 3, 0.5)
+                hint = f"did you mean {' or '.join(near)}?" if near else f"use one of {', '.join(known)}."
+                raise ValueError(f"parameter {name!r} is not known; {hint}")
+        changed = self
+        for name in sorted(values, key=lambda n: (n.count("."), n == "water.depth_ratio", n)):
+            changed = changed._with(name, values[name])
+        return changed
+
+    def _with(self, name: str, value: Any) -> Experiment:
+        owner, _, rest = name.partition(".")
+        if name in STEPS:
+            return _replaced(self, name, float(value))
+        if name == "soil":
+            return replace(self, soil=value if isinstance(value, Soil) else Soil.published(value))
+        if name == "hydrodynamics":
+            return replace(self, hydrodynamics=value)
+        if name == "hydrodynamics.member":
+            return replace(self, member=None if value is None else int(value))
+        if owner == "hydrodynamics":
+            return replace(self, coefficients=_replaced(self.coefficients, rest, value))
+        if name == "water.depth_ratio":
+            if value == 0.0:
+                return replace(self, water=None)
+            return replace(self, water=_replaced(self._wet(), "depth", value * self.vehicle.wheel.diameter))
+        if owner == "water":
+            return replace(self, water=_replaced(self._wet(), rest, value))
+        if owner == "soil":
+            return replace(self, soil=_replaced(self.soil, rest, value))
+        if owner == "maneuver":
+            return replace(self, maneuver=_replaced(self.maneuver, rest, value))
+        return replace(self, vehicle=_replaced(self.vehicle, name, value))
+
+    def _wet(self) -> Water:
+        return self.water or Water(0.5 * self.vehicle.wheel.diameter)
+
+    def water_model(self) -> Hydrodynamics:
+        """The model of the water, new."""
+        if self.water is None or self.hydrodynamics == "none":
+            return NoWater()
+        if self.hydrodynamics == "coefficients":
+            return CoefficientHydrodynamics(self.coefficients)
+        ensemble = SurrogateHydrodynamics()
+        if self.member is None:
+            return ensemble
+        if not 0 <= self.member < len(ensemble.networks):
+            raise ValueError(f"hydrodynamics.member = {self.member}: there are {len(ensemble.networks)}, from 0 on.")
+        return SurrogateHydrodynamics(ensemble.networks[self.member])
+
+    def check(self) -> None:
+        """Raise ValueError if the water model does not fit the vehicle."""
+        model = self.water_model()
+        for network in getattr(model, "networks", []):
+            network.check_vehicle(self.vehicle)
+
+    def run(self) -> xr.Dataset:
+        """Simulate; see `exumob.simulate`."""
+        return simulate(
+            self.vehicle, self.soil, self.water, self.maneuver, self.water_model(), duration=self.duration,
+            micro_step=self.micro_step, macro_step=self.macro_step, record_step=self.record_step,
+        )  # fmt: skip
+
+    def __call__(self, values: Mapping[str, Any]) -> xr.Dataset:
+        """Run with other values."""
+        return self.with_values(values).run()
+
+
+def amphibious_lane_change() -> Experiment:
+    """The paper's vehicle and maneuver in D60/U1 on LETE sand."""
+    from vehicle_models.amphibious import amphibious_vehicle
+
+    return Experiment(amphibious_vehicle(), Soil.published("LETE sand"), Water.at_ratio(0.6, 1.0), LaneChange())
+
+
+def _leaves(thing: Any) -> list[str]:
+    """Dotted names of the fields of a dataclass and of those within it."""
+    found = []
+    for f in fields(thing):
+        value = getattr(thing, f.name)
+        if is_dataclass(value):
+            found += [f"{f.name}.{inner}" for inner in _leaves(value)]
+        else:
+            found.append(f.name)
+    return found
+
+
+def _replaced(thing: T, name: str, value: Any) -> T:
+    first, _, rest = name.partition(".")
+    if rest:
+        value = _replaced(getattr(thing, first), rest, value)
+    return cast(T, replace(cast(Any, thing), **{first: value}))

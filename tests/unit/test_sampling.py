@@ -1,0 +1,199 @@
+"""What is varied and how: names, grids, distributions, correlations, study files."""
+
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy import stats
+
+from exumob.environment import Soil, Water
+from exumob.hydrodynamics import CoefficientHydrodynamics, NoWater, SurrogateHydrodynamics
+from exumob.sweeps import Choice, Experiment, LogNormal, Normal, Triangular, Uniform, as_grid, grid, sample
+from exumob.sweeps.experiment import amphibious_lane_change
+from exumob.sweeps.study import from_options, parse_variation, read_study
+
+# -- names -------------------------------------------------------------------------------------------------------------
+
+
+def test_every_field_is_set_by_its_name():
+    base = amphibious_lane_change()
+    values = {
+        "hull.mass": 60.0, "wheel.width": 0.07, "suspension.stiffness": 5000.0, "wheelbase": 0.75, "soil.n": 0.9,
+        "water.depth": 0.11, "water.current_speed": 0.3, "maneuver.amplitude": 0.2, "hydrodynamics": "coefficients",
+        "hydrodynamics.hull_surge_drag": 1.1, "macro_step": 5e-3, "steering.limit": 0.6,
+    }  # fmt: skip
+    changed = base.with_values(values)
+    assert changed.vehicle.hull.mass == 60.0 and changed.vehicle.hull.length == base.vehicle.hull.length
+    assert changed.vehicle.wheel.width == 0.07 and changed.vehicle.suspension.stiffness == 5000.0
+    assert changed.vehicle.wheelbase == 0.75 and changed.vehicle.steering.limit == 0.6
+    assert changed.soil.n == 0.9 and changed.soil.cohesion == base.soil.cohesion
+    assert (changed.water.depth, changed.water.current_speed) == (0.11, 0.3)
+    assert changed.maneuver.amplitude == 0.2 and changed.macro_step == 5e-3
+    model = changed.water_model()
+    assert isinstance(model, CoefficientHydrodynamics) and model.coefficients.hull_surge_drag == 1.1
+    assert base == amphibious_lane_change()  # nothing of the base changes
+
+
+def test_soil_by_name_comes_before_its_fields():
+    changed = amphibious_lane_change().with_values({"soil.cohesion": 500.0, "soil": "Sandy loam 11 %"})
+    assert changed.soil.cohesion == 500.0 and changed.soil.k_phi == Soil.published("Sandy loam 11 %").k_phi
+
+
+def test_depth_ratio_follows_the_tyre():
+    changed = amphibious_lane_change().with_values({"water.depth_ratio": 0.5, "wheel.diameter": 0.22})
+    assert changed.water.depth == pytest.approx(0.11)
+    dry = changed.with_values({"water.depth_ratio": 0.0})
+    assert dry.water is None and isinstance(dry.water_model(), NoWater)
+
+
+def test_members_of_the_ensemble_by_number():
+    base = amphibious_lane_change()
+    one = base.with_values({"hydrodynamics.member": 3}).water_model()
+    assert isinstance(one, SurrogateHydrodynamics) and one.networks[0].about["seed"] == 3
+    with pytest.raises(ValueError, match="there are 5, from 0 on"):
+        base.with_values({"hydrodynamics.member": 7}).water_model()
+
+
+def test_bad_names_and_values_are_named():
+    base = amphibious_lane_change()
+    with pytest.raises(ValueError, match=r"'hull.mas' is not known; did you mean hull.mass"):
+        base.with_values({"hull.mas": 1.0})
+    with pytest.raises(ValueError, match=r"Soil\.n"):
+        base.with_values({"soil.n": -1.0})
+    with pytest.raises(ValueError, match="hydrodynamics = 'magic' is not known"):
+        base.with_values({"hydrodynamics": "magic"})
+    with pytest.raises(ValueError, match="they were trained with"):
+        base.with_values({"hull.length": 1.2}).check()
+
+
+# -- samples -----------------------------------------------------------------------------------------------------------
+
+
+def test_grid_has_all_combinations():
+    cases = grid({"a": [1, 2], "b": ["x", "y", "z"]})
+    assert len(cases) == 6 and cases[0] == {"a": 1, "b": "x"} and cases[1] == {"a": 1, "b": "y"}
+    with pytest.raises(ValueError, match="b has no values"):
+        grid({"a": [1], "b": []})
+
+
+@pytest.mark.parametrize("method", ["sobol", "halton", "lhs", "random"])
+def test_samples_have_their_distributions(method):
+    """Spec: Kolmogorov-Smirnov distance below 0.05 at 1,024 draws (5 % limit of random draws: 0.042)."""
+    given = {
+        "u": (Uniform(2.0, 3.0), stats.uniform(2.0, 1.0)),
+        "n": (Normal(10.0, 2.0, low=8.0), stats.truncnorm(-1.0, math.inf, loc=10.0, scale=2.0)),
+        "l": (LogNormal(5.0, 0.3), stats.lognorm(0.3, scale=5.0)),
+        "t": (Triangular(0.0, 1.0, 4.0), stats.triang(0.25, scale=4.0)),
+    }
+    cases = sample(1024, {name: d for name, (d, _) in given.items()}, method=method, seed=3)
+    for name, (_, reference) in given.items():
+        assert stats.kstest([case[name] for case in cases], reference.cdf).statistic < 0.05
+    again = sample(1024, {name: d for name, (d, _) in given.items()}, method=method, seed=3)
+    assert cases == again != sample(1024, {name: d for name, (d, _) in given.items()}, method=method, seed=4)
+
+
+def test_choice_has_its_weights():
+    cases = sample(4096, {"soil": Choice(("sand", "clay"), (3.0, 1.0))})
+    assert np.mean([case["soil"] == "sand" for case in cases]) == pytest.approx(0.75, abs=0.01)
+
+
+def test_correlations_are_kept():
+    """Normal margins: their own correlation is the one asked for (spec: 0.02 at 4,096 quasi-random draws)."""
+    given = {"a": Normal(0.0, 1.0), "b": Normal(5.0, 2.0), "c": Uniform(0.0, 1.0)}
+    cases = sample(4096, given, correlations={("a", "b"): -0.6})
+    a, b, c = (np.array([case[name] for case in cases]) for name in given)
+    assert np.corrcoef(a, b)[0, 1] == pytest.approx(-0.6, abs=0.02)
+    assert np.corrcoef(a, c)[0, 1] == pytest.approx(0.0, abs=0.02)
+    assert b.std() == pytest.approx(2.0, rel=0.02)
+
+
+@pytest.mark.parametrize("call, word", [
+    (lambda: sample(8, {"a": Uniform(0.0, 1.0)}, correlations={("a", "b"): 0.5}), "'b' has no distribution"),
+    (lambda: sample(8, {"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, correlations={("a", "b"): 1.5}), "between"),
+    (lambda: sample(8, {k: Uniform(0.0, 1.0) for k in "abc"},
+                    correlations={("a", "b"): 0.9, ("b", "c"): 0.9, ("a", "c"): -0.9}), "contradict"),
+    (lambda: sample(8, {"a": Uniform(0.0, 1.0)}, method="magic"), "'magic' is not known"),
+    (lambda: sample(8, {}), "no distributions"),
+    (lambda: Uniform(1.0, 1.0), "Uniform.low = 1.0 must be below"),
+    (lambda: Normal(0.0, 0.0), "Normal.deviation"),
+    (lambda: Triangular(0.0, 2.0, 1.0), "Triangular.mode"),
+    (lambda: Choice(()), "Choice.values is empty"),
+    (lambda: Choice((1, 2), (1.0,)), "Choice.weights"),
+])  # fmt: skip
+def test_bad_distributions_are_named(call, word):
+    with pytest.raises(ValueError, match=word):
+        call()
+
+
+def test_grid_of_results_gets_its_dimensions():
+    cases = grid({"a": [1.0, 2.0], "b": [10.0, 20.0, 30.0]})
+    flat = xr.Dataset(
+        {"v": ("case", [c["a"] * c["b"] for c in cases])},
+        {"case": range(6), "a": ("case", [c["a"] for c in cases]), "b": ("case", [c["b"] for c in cases])},
+        {"parameters": "a b"},
+    )
+    full = as_grid(flat)
+    assert full["v"].dims == ("a", "b") and float(full["v"].sel(a=2.0, b=30.0)) == 60.0
+    with pytest.raises(ValueError, match="not a full grid"):
+        as_grid(flat.isel(case=slice(5)))
+
+
+# -- text --------------------------------------------------------------------------------------------------------------
+
+
+def test_variations_as_text():
+    assert parse_variation("water.current_speed=0,0.5,1") == ("water.current_speed", [0, 0.5, 1])
+    assert parse_variation("soil=LETE sand,Sandy loam 11 %") == ("soil", ["LETE sand", "Sandy loam 11 %"])
+    assert parse_variation("hull.mass=40:60:3") == ("hull.mass", [40.0, 50.0, 60.0])
+    assert parse_variation("soil.n~normal(0.8, 0.1)") == ("soil.n", Normal(0.8, 0.1))
+    for bad, word in (
+        ("hull.mass", "write name=0,0.5,1"), ("a~normal(1", "write name"), ("a~magic(1)", "'magic' is not known"),
+        ("a~normal(1,2,3,4,5)", "takes other parameters"), ("a=1:2:x", "a range needs"),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=word):
+            parse_variation(bad)
+
+
+def test_options_make_a_grid_of_samples():
+    experiment, cases = from_options(
+        None, ["duration=0.5", "soil=Sandy loam 11 %"], ["water.depth_ratio=0.4,0.6", "hull.mass~uniform(45,50)"], 4, 7
+    )  # fmt: skip
+    assert experiment.duration == 0.5 and experiment.soil == Soil.published("Sandy loam 11 %")
+    assert len(cases) == 8 and {c["water.depth_ratio"] for c in cases} == {0.4, 0.6}
+    assert len({c["hull.mass"] for c in cases}) == 4 and all(45 < c["hull.mass"] < 50 for c in cases)
+    with pytest.raises(ValueError, match="nothing varies"):
+        from_options(None, [], [], 4, 0)
+
+
+def test_study_file(tmp_path):
+    file = tmp_path / "study.toml"
+    file.write_text(
+        'base.soil = "Sandy loam 11 %"\nbase.duration = 2\n[vary]\nwater.current_speed = [0.0, 1.0]\n'
+        "hull.mass = { from = 40, to = 50, number = 3 }\n[sample]\nnumber = 4\nseed = 2\n"
+        "[sample.distributions]\nsoil.n = { normal = [0.8, 0.05] }\nsoil.cohesion = { uniform = [800, 1200] }\n"
+        'wheel.width = [0.07, 0.08]\n[sample.correlations]\n"soil.n, soil.cohesion" = 0.5\n'
+    )
+    experiment, cases = read_study(file)
+    assert isinstance(experiment, Experiment) and experiment.duration == 2.0
+    assert experiment.water == Water.at_ratio(0.6, 1.0)
+    assert len(cases) == 2 * 3 * 4 and set(cases[0]) == {
+        "water.current_speed", "hull.mass", "soil.n", "soil.cohesion", "wheel.width"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("text, word", [
+    ("[bass]\nduration = 1\n", "'bass' is not known"),
+    ("[base]\nhull.mas = 1\n[vary]\nhull.mass = [1]\n", "did you mean hull.mass"),
+    ("[vary]\nhull.mass = { from = 1, to = 2 }\n", "a range needs"),
+    ("[sample]\nnumbers = 3\n", "'numbers' is not known"),
+    ("[sample.distributions]\nsoil.n = { magic = [1] }\n", "not known"),
+    ("[base\n", "is not TOML"),
+    ("", "nothing varies"),
+])  # fmt: skip
+def test_bad_study_files_are_named(text, word, tmp_path):
+    file = tmp_path / "study.toml"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=word) as error:
+        read_study(file)
+    assert "study.toml" in str(error.value)

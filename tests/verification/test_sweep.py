@@ -1,0 +1,225 @@
+"""Sweeps: every case ends with a status, none is lost, none is run twice, whatever is killed."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from exumob.errors import SimulationError
+from exumob.results import load_dataset
+from exumob.sweeps import grid, sweep
+from exumob.sweeps.experiment import amphibious_lane_change
+
+HERE = Path(__file__).parent
+
+
+def square(case):
+    """Numbers by name."""
+    return {"square": case["x"] ** 2}
+
+
+def noted(case):
+    """Leaves a mark for each time that it is run."""
+    with (Path(case["folder"]) / f"ran_{case['x']}").open("a") as file:
+        file.write("x")
+    time.sleep(case.get("sleep", 0.0))
+    return {"square": case["x"] ** 2}
+
+
+def faulty(case):
+    """Fails in every way that a case can."""
+    how = case["how"]
+    if how == "raise":
+        raise KeyError("a hole in the road")
+    if how == "refuse":
+        raise ValueError("hull.mass = -1 must be > 0")
+    if how == "break":
+        raise SimulationError("Newton did not converge")
+    if how == "hang":
+        time.sleep(60.0)
+    if how == "hang deaf":
+        signal.signal(signal.SIGALRM, signal.SIG_IGN)
+        time.sleep(60.0)
+    if how == "die":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if how == "abort":
+        os.abort()
+    return {"value": 1.0}
+
+
+def test_results_and_parameters_are_gathered(tmp_path):
+    cases = grid({"x": [1, 2, 3], "name": ["a", "b"]})
+    told = []
+    result = sweep(square, cases, tmp_path, progress=told.append)
+    assert list(result["square"].values) == [1, 1, 4, 4, 9, 9]
+    assert list(result["x"].values) == [1, 1, 2, 2, 3, 3] and list(result["name"].values) == ["a", "b"] * 3
+    assert set(result["status"].values) == {"completed"} and result.attrs["parameters"] == "x name"
+    assert told[0].done == 0 and told[-1].done == told[-1].total == 6
+    with load_dataset(tmp_path / "sweep.nc") as kept:
+        assert list(kept["square"].values) == list(result["square"].values)
+
+
+def test_every_fault_becomes_a_row(tmp_path, monkeypatch):
+    """The others are completed; dying cases are given up after the second time."""
+    monkeypatch.setattr("exumob.sweeps.runner.GRACE", 1.0)
+    hows = ["no", "raise", "refuse", "break", "hang", "hang deaf", "die", "abort", "no"]
+    result = sweep(faulty, [{"how": how, "n": n} for n, how in enumerate(hows)], tmp_path, time_limit=1.5)
+    status = dict(zip(hows, result["status"].values, strict=True))
+    assert status == {
+        "no": "completed", "raise": "failed", "refuse": "refused", "break": "broke down", "hang": "out of time",
+        "hang deaf": "out of time", "die": "killed", "abort": "killed",
+    }  # fmt: skip
+    assert result["status"].values[0] == result["status"].values[-1] == "completed"
+    reasons = dict(zip(hows, result["reason"].values, strict=True))
+    assert "a hole in the road" in reasons["raise"] and "must be > 0" in reasons["refuse"]
+    assert "Newton did not converge" in reasons["break"] and "2 times" in reasons["die"]
+    assert np.isnan(result["value"].values[1]) and result["value"].values[0] == 1.0
+
+
+def test_done_cases_are_not_run_again(tmp_path):
+    cases = [{"x": n, "folder": str(tmp_path)} for n in range(6)]
+    sweep(noted, cases, tmp_path / "sweep")
+    sweep(noted, cases, tmp_path / "sweep")
+    assert all((tmp_path / f"ran_{n}").read_text() == "x" for n in range(6))
+    sweep(noted, cases, tmp_path / "sweep", again=["completed"])
+    assert all((tmp_path / f"ran_{n}").read_text() == "xx" for n in range(6))
+
+
+def test_another_sweep_is_refused(tmp_path):
+    sweep(square, [{"x": 1}], tmp_path)
+    with pytest.raises(ValueError, match="holds another sweep"):
+        sweep(square, [{"x": 2}], tmp_path)
+    with pytest.raises(ValueError, match="holds another sweep"):
+        sweep(noted, [{"x": 1}], tmp_path)
+
+
+@pytest.mark.parametrize("arguments, options, word", [
+    ((square, []), {}, "cases is empty"),
+    ((square, [{"x": 1}, {"y": 1}]), {}, "case 1 has the names"),
+    ((lambda case: {}, [{"x": 1}]), {}, "top level of a module"),
+    ((square, [{"x": 1}]), {"workers": 0}, "sweep.workers = 0"),
+    ((square, [{"x": 1}]), {"time_limit": 0.0}, "sweep.time_limit"),
+    ((square, [{"x": 1}]), {"again": ["kiled"]}, "'kiled' is no status"),
+])  # fmt: skip
+def test_bad_sweeps_are_named(arguments, options, word, tmp_path):
+    with pytest.raises(ValueError, match=word):
+        sweep(*arguments, tmp_path, **options)
+
+
+def test_bad_names_are_found_before_anything_runs(tmp_path):
+    with pytest.raises(ValueError, match="did you mean hull.mass"):
+        sweep(amphibious_lane_change(), [{"hull.mas": 1.0}], tmp_path)
+    assert not (tmp_path / "cases").exists()
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+sys.path.insert(0, {here!r})
+from test_sweep import noted
+from exumob.sweeps import sweep
+if __name__ == "__main__":
+    marks = Path({marks!r})
+    sweep(noted, [{{"x": n, "folder": str(marks), "sleep": 0.15}} for n in range(20)], marks / "sweep")
+"""
+
+
+def start(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT.format(here=str(HERE), marks=str(tmp_path)))
+    return subprocess.Popen([sys.executable, script], cwd=HERE)
+
+
+def wait_for(tmp_path, count, seconds=60.0):
+    end = time.monotonic() + seconds
+    while len(list((tmp_path / "sweep" / "cases").glob("[0-9]*.json"))) < count:
+        assert time.monotonic() < end, "the sweep does not get on"
+        time.sleep(0.02)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_killed_sweep_goes_on_and_a_locked_one_waits(tmp_path):
+    """kill -9 of the leader: its processes end with it, what had ended is kept and nothing of it is run again."""
+    running = start(tmp_path)
+    wait_for(tmp_path, 4)
+    cases = [{"x": n, "folder": str(tmp_path), "sleep": 0.15} for n in range(20)]
+    with pytest.raises(RuntimeError, match="another sweep is at work"):
+        sweep(noted, cases, tmp_path / "sweep")
+    running.kill()
+    running.wait()
+    time.sleep(0.5)
+    ended = {int(file.stem) for file in (tmp_path / "sweep" / "cases").glob("[0-9]*.json")}
+    assert 4 <= len(ended) < 20
+    time.sleep(1.0)
+    assert {int(file.stem) for file in (tmp_path / "sweep" / "cases").glob("[0-9]*.json")} == ended  # nobody is left
+    result = sweep(noted, cases, tmp_path / "sweep")
+    assert set(result["status"].values) == {"completed"}
+    runs = {n: len((tmp_path / f"ran_{n}").read_text()) for n in range(20)}
+    assert all(runs[n] == 1 for n in ended)
+    assert sum(runs.values()) <= 20 + 2  # those in hand when it was killed begin anew
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_killed_worker_is_replaced(tmp_path):
+    """kill -9 of a process that has a case in hand: the sweep ends by itself, every case completed."""
+    running = start(tmp_path)
+    wait_for(tmp_path, 4)
+    for _ in range(200):
+        begun = [json.loads(f.read_text()) for f in (tmp_path / "sweep" / "begun").glob("[0-9]*.json")]
+        if begun:
+            os.kill(begun[0]["pid"], signal.SIGKILL)
+            break
+        time.sleep(0.01)
+    assert running.wait(60.0) == 0
+    with load_dataset(tmp_path / "sweep" / "sweep.nc") as result:
+        assert set(result["status"].values) == {"completed"} and result.sizes["case"] == 20
+    assert sum(len((tmp_path / f"ran_{n}").read_text()) for n in range(20)) <= 20 + 2
+
+
+def test_lane_changes_by_command(tmp_path):
+    """Three short lane changes, one of which sinks in: its row says so."""
+    arguments = [
+        "sweep", "--set", "duration=0.3", "--set", "hydrodynamics=coefficients", "--vary", "hull.mass=45,49,4000",
+        "--output", tmp_path / "sweep", "--keep-runs",
+    ]  # fmt: skip
+    answer = subprocess.run(
+        [sys.executable, "-m", "exumob", *map(str, arguments)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert answer.returncode == 0, answer.stderr
+    assert "completed    2 of 3 cases" in answer.stdout and "broke down   1 of 3 cases" in answer.stdout
+    assert "hull.mass = 4000" in answer.stdout
+    with load_dataset(tmp_path / "sweep" / "sweep.nc") as result:
+        assert result["forward"].values[0] > result["forward"].values[1] > 0.0
+    assert (tmp_path / "sweep" / "runs" / "0.nc").exists()
+
+
+@pytest.mark.skipif(shutil.which("mpiexec") is None, reason="no MPI")
+def test_three_ranks(tmp_path):
+    """One leads, two work."""
+    pytest.importorskip("mpi4py")
+    script = tmp_path / "script.py"
+    text = SCRIPT.format(here=str(HERE), marks=str(tmp_path)).replace('/ "sweep")', '/ "sweep", mpi=True)')
+    script.write_text(text)
+    settings = {
+        "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_rmaps_base_oversubscribe": "1"
+    }  # fmt: skip
+    command = ["mpiexec", "-n", "3", sys.executable, "-m", "mpi4py.futures", str(script)]
+    answer = subprocess.run(
+        command, env=os.environ | settings, capture_output=True, text=True, check=False, timeout=120, cwd=HERE
+    )
+    assert answer.returncode == 0, answer.stderr
+    with load_dataset(tmp_path / "sweep" / "sweep.nc") as result:
+        assert result.sizes["case"] == 20 and set(result["status"].values) == {"completed"}
+    pids = set()
+    assert all((tmp_path / f"ran_{n}").read_text() == "x" for n in range(20)), pids
