@@ -174,11 +174,15 @@ def lane_change_command(
         )  # fmt: skip
     if members and not code:
         assert isinstance(model, SurrogateHydrodynamics)
-        with _progress(duration, "settling", "members") as advance:
-            result = add_members(
-                result, car, ground, water, maneuver, model, duration=duration, micro_step=micro_step,
-                macro_step=macro_step, progress=advance,
-            )  # fmt: skip
+        try:
+            with _progress(duration, "settling", "members") as advance:
+                result = add_members(
+                    result, car, ground, water, maneuver, model, duration=duration, micro_step=micro_step,
+                    macro_step=macro_step, progress=advance,
+                )  # fmt: skip
+        except KeyboardInterrupt:
+            errors.print("[yellow]Stopped among the members[/yellow]; the run itself follows.", highlight=False)
+            code = 130
     if code and checkpoint is not None and checkpoint.exists():
         errors.print(f"{checkpoint} holds the run: the same command with --resume goes on.", highlight=False)
     _report(result, targets)
@@ -280,7 +284,7 @@ def train_command(
         from exumob.learning.training import Progress as Step
         from exumob.learning.training import train, training_runs
 
-        wanted = preset or list(PRESETS)
+        wanted = list(dict.fromkeys(preset or PRESETS))
         unknown = [name for name in wanted if name not in PRESETS]
         if unknown:
             raise ValueError(f"--preset {unknown[0]} is not known; use {', '.join(PRESETS)}.")
@@ -310,6 +314,9 @@ def train_command(
             files = train([PRESETS[n] for n in wanted], runs, car, output, seeds=range(seeds), jobs=jobs, told=told)
         except (ValueError, RuntimeError) as error:
             _fail(error)
+        except KeyboardInterrupt:
+            errors.print(f"Stopped; the same command goes on with {output}.", highlight=False)
+            raise typer.Exit(130) from None
     import matplotlib
 
     matplotlib.use("Agg")
@@ -635,7 +642,7 @@ def _member_lines(figures: dict[str, float]) -> dict[str, str]:
     if "forward_spread" not in figures:
         return {}
     return {
-        "members' spread": f"{1e3 * figures['forward_spread']:.0f} mm forward, "
+        "members' spread": f"of {figures['members']:.0f}: {1e3 * figures['forward_spread']:.0f} mm forward, "
         f"{1e3 * figures['lateral_spread']:.0f} mm lateral, "
         f"{math.degrees(figures['yaw_spread']):.2f} deg (standard deviations at the end)"
     }

@@ -96,6 +96,9 @@ class Checkpoints:
         self._written = -1
         self._passed = 0  # whole intervals
         self._patience = 0.0
+        self._began = time.perf_counter()
+        self.elapsed = 0.0
+        """What earlier processes took until the checkpoint from which this one goes on [s]."""
         if not file.parent.is_dir():
             raise ValueError(f"checkpoint {file}: the folder {file.parent} does not exist; create it first.")
         self.found = file.exists()
@@ -104,6 +107,7 @@ class Checkpoints:
         if self.found:
             with _opened(file) as archive:
                 head = _head(file, archive)
+            self.elapsed = float(head.get("elapsed", 0.0))
             wrong = fingerprint.differences(head["fingerprint"])
             if wrong:
                 raise ValueError(
@@ -126,7 +130,7 @@ class Checkpoints:
 
     def keep_development(self, saved: Any) -> None:
         """Write the state of the water before the release."""
-        write(self.file, -1, {"development": saved}, self.fingerprint)
+        write(self.file, -1, {"development": saved}, self.fingerprint, self._elapsed())
 
     def before_step(
         self, step: int, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling
@@ -164,14 +168,17 @@ class Checkpoints:
             "hydrodynamics": hydrodynamics.save(),
             "coupling": coupling.save(),
         }
-        write(self.file, step, tree, self.fingerprint)
+        write(self.file, step, tree, self.fingerprint, self._elapsed())
         self._written = step
 
+    def _elapsed(self) -> float:
+        return self.elapsed + time.perf_counter() - self._began
 
-def write(file: Path, step: int, tree: dict[str, Any], fingerprint: Fingerprint) -> None:
-    """Write a tree of dicts, lists, arrays, numbers and text, whole or not at all."""
+
+def write(file: Path, step: int, tree: dict[str, Any], fingerprint: Fingerprint, elapsed: float = 0.0) -> None:
+    """Write a tree of dicts, lists, arrays, numbers and text, whole or not at all; `elapsed` [s] is what it took."""
     arrays: dict[str, np.ndarray] = {}
-    head = {"step": step, "fingerprint": fingerprint.parts, "tree": _taken_apart(tree, "", arrays)}
+    head = {"step": step, "fingerprint": fingerprint.parts, "elapsed": elapsed, "tree": _taken_apart(tree, "", arrays)}
     partial = file.with_name(f".{file.name}.partial")
     try:
         with partial.open("wb") as stream:

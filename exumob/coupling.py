@@ -29,8 +29,8 @@ from exumob.states import Array, BodyStates
 WithinStep = Literal["held", "linear"]
 SWINGS = 4
 """Times that the residual of `SemiImplicit` turns round from step to step before the water's response is renewed."""
-MATTERS = 0.01
-"""... and its size over that of the loads from which on."""
+MATTERS = 0.2
+"""... and its size over that of the loads from which on: sound runs stay below 0.18."""
 
 
 class Mechanism(Protocol):

@@ -68,7 +68,8 @@ def add_members(
             run = simulate(vehicle, soil, water, maneuver, alone, progress=reached, **options)
         except SimulationError as error:
             log.warning("%s: %s", network.name, error)
-            assert error.result is not None
+            if error.result is None:
+                continue
             run = error.result
         rows = min(run.sizes["time"], len(times))
         position[n, :rows] = run["position"].sel(body="hull").values[:rows]

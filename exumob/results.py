@@ -230,7 +230,7 @@ def summary(dataset: xr.Dataset) -> dict[str, float]:
         of the water over the weight; spin_energy [J]; wall_time [s]; real_time_factor [-]. With networks as the
         water: out_of_range_share [-], of the time that some body was outside the training range; fallback_share [-], of
         the coefficient model in the loads, mean over time and bodies. With members (`exumob.ensemble.add_members`):
-        forward_spread, lateral_spread [m], yaw_spread [rad], standard deviations of their ends.
+        members [-], those that arrived; forward_spread, lateral_spread [m], yaw_spread [rad], deviations of their ends.
     """
     hull = dataset.sel(body="hull")
     path = hull["position"].sel(axis=["x", "y"]).values
@@ -272,6 +272,7 @@ def _member_spreads(dataset: xr.Dataset) -> dict[str, float]:
         return {}
     ends = dataset["member_position"].isel(time=-1)
     return {
+        "members": float(ends.notnull().all("axis").sum()),
         "forward_spread": float(ends.sel(axis="x").std("member", ddof=1)),
         "lateral_spread": float(ends.sel(axis="y").std("member", ddof=1)),
         "yaw_spread": float(dataset["member_yaw"].isel(time=-1).std("member", ddof=1)),

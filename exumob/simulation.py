@@ -131,7 +131,8 @@ def simulate(
     settled = time.perf_counter()
 
     def result(status: str) -> xr.Dataset:
-        walls = {"wall_time": time.perf_counter() - settled, "settling_wall_time": settled - began}
+        earlier = 0.0 if store is None else store.elapsed
+        walls = {"wall_time": earlier + time.perf_counter() - settled, "settling_wall_time": settled - began}
         return build_dataset(
             model, vehicle, soil, water, terrain, maneuver, active, scheme, status, steps, walls
         )  # fmt: skip

@@ -24,6 +24,7 @@ from exumob.learning.dataset import body_states, load_runs, water_of
 from exumob.learning.evaluation import THINNING, compare
 from exumob.learning.report import MEASURES, markdown, plot_paths
 from exumob.plotting import STYLE, save_figure
+from exumob.results import save_dataset
 from exumob.scenarios import UNSEEN
 from exumob.states import BODIES
 from vehicle_models.amphibious import amphibious_vehicle
@@ -79,6 +80,7 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> tuple[xr.Dat
             for axes, model in zip(panels, PAIR, strict=True):
                 plot_paths(axes, runs, references, model)
         save_figure(figure, FIGURES / "ablation_paths.png")
+        save_dataset(table, FIGURES / "ablation.nc")
     return table, share
 
 

@@ -40,6 +40,16 @@ PAPER = {
 """Core hours of the paper (Sec. 5.3)."""
 
 
+def cfd_wall_time() -> float:
+    """Of a run with the flow in the loop [s, one core]: median of those of the data set that were never stopped.
+
+    What a run took before it was last stopped is not in its file; such a one shows no time for the developing water.
+    """
+    runs = load_runs(sorted(DATA.glob("*.nc"))).values()
+    walls = [(float(run.attrs["settling_wall_time"]), float(run.attrs["wall_time"])) for run in runs]
+    return float(np.median([settling + wall for settling, wall in walls if settling > 60.0]))
+
+
 def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
     """Drive with every pair of steps; return wall time and errors, dims (model, micro, macro)."""
     vehicle = amphibious_vehicle()
@@ -76,7 +86,7 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
             "yaw": (dims, yaw, {"units": "deg", "long_name": "rms from CFD-MBD's"}),
         },
         {"model": list(models), "micro": list(micro), "macro": list(macro)},
-        {"cfd_wall_time": float(reference.attrs["wall_time"])},
+        {"cfd_wall_time": cfd_wall_time()},
     )
     if not quick:
         FIGURES.mkdir(exist_ok=True)

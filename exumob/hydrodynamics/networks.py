@@ -30,6 +30,8 @@ Single = NDArray[np.float32]
 FORMAT, VERSION = "exumob networks", 1
 SAMPLING = 1.0e-3
 """Interval at which networks see the past [s]."""
+TRAINED_DENSITY = 1000.0
+"""Of the water to which the loads in training are brought [kg/m^3]; they are proportional to it."""
 EDGE = 0.05
 """Share of an input's training range by which it may leave it before it is held."""
 GEOMETRY = (

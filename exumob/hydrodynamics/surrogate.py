@@ -2,7 +2,8 @@
 
 What the vehicle feels is the mean of an ensemble's members; their spread is the error bar. Outside the range of the
 training runs networks say anything: there the loads are blended into those of the coefficient model, and the result
-says where and how far.
+says where and how far. In macro steps of more than 2 ms the networks' part goes half way to each new answer
+(`HALFWAY`).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import xarray as xr
 from exumob.environment import Water
 from exumob.hydrodynamics.coefficients import CoefficientHydrodynamics
 from exumob.hydrodynamics.inputs import network_inputs
-from exumob.hydrodynamics.networks import Architecture, NetworkSet, window_rows
+from exumob.hydrodynamics.networks import SAMPLING, TRAINED_DENSITY, Architecture, NetworkSet, window_rows
 from exumob.states import BODIES, WRENCH_COMPONENTS, Array, BodyStates
 from exumob.vehicle import Vehicle
 
@@ -27,15 +28,14 @@ OUTSIDE = 0.02
 """Excess (`NetworkSet.excess`) from which a state counts as outside the training range."""
 BLEND = (0.1, 0.5)
 """Excess at which the coefficient model begins to take over, and from which it acts alone."""
-TRAINED_DENSITY = 1000.0
-"""Of the water in training [kg/m^3]; loads are proportional to it."""
 HALFWAY = 2.0e-3
-"""Macro step above which loads go half of the way to the networks' new answer [s].
+"""Macro step above which the networks' part of the loads goes half of the way to their new answer [s].
 
 Networks answer to velocities; held over 20 ms that answer is a delayed damper, and one that is strong for a wheel's
-mass chatters from step to step (+-1 N of 110 N in D60/U1; at 50 ms the path of D50/U0.5 was 54 mm off, and is 4)."""
+mass chatters from step to step: +-1 N of 110 N in D60/U1."""
 MOVING = 0.05
-"""Speed below which the range is not looked at [m/s]: the sideslip angle of a vehicle at rest is arbitrary."""
+"""Speed below which a body counts as at rest where the training range is looked at [m/s]: the sideslip angle of a
+vehicle that hardly moves is arbitrary."""
 
 
 class SurrogateHydrodynamics:
@@ -88,6 +88,12 @@ class SurrogateHydrodynamics:
             return
         for network in self.networks:
             network.check_vehicle(vehicle)
+            steps = macro_step / SAMPLING
+            if network.architecture.taps > 1 and abs(steps - round(steps)) > 1e-6:
+                raise ValueError(
+                    f"networks ({network.name}) see the past every {1e3 * SAMPLING:g} ms; macro_step = "
+                    f"{1e3 * macro_step:g} ms must be a whole multiple of it."
+                )
         based = any(n.architecture.base == "coefficients" for n in self.networks)
         self._coefficients = CoefficientHydrodynamics() if based or self.fallback else None
         if self._coefficients is not None:
@@ -113,19 +119,24 @@ class SurrogateHydrodynamics:
                 assert base is not None
                 loads = loads + base
             members.append(loads)
-            outside = np.full((count, 5, 2), -1.0)
-            excess.append(outside if resting else networks.excess(window[:, -1]).reshape(outside.shape))
+            present = window[:, -1]
+            if resting:
+                still = network_inputs(_at_rest(_rows(history, np.array([-1]))), water, seen.inputs)
+                present = np.tile(still[0], (count, 1))
+            excess.append(networks.excess(present).reshape(count, 5, 2))
         found = np.concatenate(members)
-        loads, outside = found.mean(axis=0), np.concatenate(excess).mean(axis=0)
+        outside = np.concatenate(excess).mean(axis=0)
+        learnt = found.mean(axis=0) if base is None else found.mean(axis=0) - base
+        if self._halfway and self._last is not None and len(history) > 1:
+            learnt = 0.5 * (learnt + self._last)
+        self._last = learnt
+        loads = learnt if base is None else learnt + base
         share = np.zeros(5)
         if self.fallback:
             assert base is not None
             share = np.clip((outside.max(axis=-1) - BLEND[0]) / (BLEND[1] - BLEND[0]), 0.0, 1.0)
             share = share * share * (3.0 - 2.0 * share)
             loads = (1.0 - share[:, None]) * loads + share[:, None] * base
-        if self._halfway and self._last is not None and len(history) > 1:
-            loads = 0.5 * (loads + self._last)
-        self._last = loads
         self._times.append(float(history.time[-1]))
         self._spread.append(found.std(axis=0, ddof=1) if len(found) > 1 else np.zeros((5, 6)))
         self._excess.append(outside)

@@ -36,6 +36,11 @@ SURFACE_INTERVAL = 2.0
 """Between the free surfaces kept [s], as paper Fig. 9."""
 EFFORT = ("coupling_iterations", "coupling_residual", "hydrodynamics_iterations", "hydrodynamics_halvings")
 """What a run with the flow in the loop says of its own making: mean and largest value are kept as attributes."""
+NEEDED = (
+    "time", "position", "quaternion", "velocity", "angular_velocity", "acceleration", "angular_acceleration",
+    "water_wrench", "water_wrench_smooth",
+)  # fmt: skip
+"""Without which a file is not a run to learn from."""
 JUMP = 10.0
 """See `usable`."""
 JUMP_REACH = 20
@@ -88,8 +93,17 @@ def load_runs(files: Iterable[str | Path]) -> dict[str, xr.Dataset]:
     runs = {}
     for file in files:
         run = load_dataset(file)
+        missing = [name for name in NEEDED if name not in run.variables]
+        if missing or "parameters" not in run.attrs:
+            raise ValueError(
+                f"{file} is not a run to learn from ({', '.join(missing) or 'parameters'} missing); "
+                "`exumob.learning.dataset.pack` and `exumob.learning.importing` make such files."
+            )
         _check_sampling(run["time"].values, str(file))
-        runs[str(run.attrs.get("scenario", Path(file).stem))] = run
+        name = str(run.attrs.get("scenario", Path(file).stem))
+        if name in runs:
+            raise ValueError(f"{file}: there is another run of {name} in the folder; keep one of them.")
+        runs[name] = run
     return runs
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -9,9 +10,10 @@ import numpy as np
 import xarray as xr
 
 from exumob.environment import Soil
+from exumob.errors import SimulationError
 from exumob.hydrodynamics.inputs import network_inputs
 from exumob.hydrodynamics.interface import Hydrodynamics
-from exumob.hydrodynamics.networks import NetworkSet
+from exumob.hydrodynamics.networks import TRAINED_DENSITY, NetworkSet
 from exumob.hydrodynamics.surrogate import SurrogateHydrodynamics
 from exumob.learning.dataset import SAMPLING, base_loads, body_states, usable, water_of
 from exumob.reference_runs import SOIL
@@ -19,6 +21,8 @@ from exumob.scenarios import Scenario
 from exumob.simulation import simulate
 from exumob.states import BODIES, WRENCH_COMPONENTS, Array
 from exumob.vehicle import Vehicle
+
+log = logging.getLogger(__name__)
 
 FAST = {"micro_step": 5e-4, "macro_step": 20e-3}
 """The paper's fast setting (Sec. 5.3)."""
@@ -35,15 +39,21 @@ def predicted_loads(network: NetworkSet, run: xr.Dataset, vehicle: Vehicle, rows
     back = architecture.stride * np.arange(architecture.taps - 1, -1, -1)
     windows = np.moveaxis(inputs[np.maximum(rows[:, None] - back, 0)], 2, 1)
     loads = network.many_loads(windows)
+    loads = loads * (water_of(run).density / TRAINED_DENSITY)
     if architecture.base == "coefficients":
         loads = loads + base_loads(run, vehicle)[rows]
     return loads
 
 
-def open_loop(network: NetworkSet, run: xr.Dataset, vehicle: Vehicle) -> xr.DataArray:
-    """Root mean square error of the loads over the deviation of the run's, smoothed; dims (body, component)."""
+def open_loop(networks: NetworkSet | Sequence[NetworkSet], run: xr.Dataset, vehicle: Vehicle) -> xr.DataArray:
+    """Root mean square error of the loads over the deviation of the run's, smoothed; dims (body, component).
+
+    Of several networks the mean of their loads is compared.
+    """
+    members = [networks] if isinstance(networks, NetworkSet) else networks
     rows = np.flatnonzero(usable(run))[::THINNING]
-    loads, reference = predicted_loads(network, run, vehicle, rows), run["water_wrench_smooth"].values[rows]
+    loads = np.mean([predicted_loads(network, run, vehicle, rows) for network in members], axis=0)
+    reference = run["water_wrench_smooth"].values[rows]
     error = np.sqrt(np.mean((loads - reference) ** 2, axis=0)) / np.maximum(reference.std(axis=0), 1e-9)
     return xr.DataArray(error, {"body": list(BODIES), "component": list(WRENCH_COMPONENTS)}, ("body", "component"))
 
@@ -101,27 +111,30 @@ def compare(
     Returns
     -------
     table : xarray.Dataset
-        The measures of `closed_loop` and ``load_error`` (`open_loop`, mean over components; nan for models without
-        networks); dims (model, scenario, member).
+        The measures of `closed_loop`, dims (model, scenario, member), and ``load_error`` (`open_loop`), dims (...,
+        body, component); nan for models without networks and for runs that break down (a warning says which).
     runs : dict
         By model and scenario: the members' runs.
     """
     most = max(len(members) for members in models.values())
     measures = ("path", "final", "yaw", "lateral_velocity", "forward", "lateral")
     values = {name: np.full((len(models), len(references), most), np.nan) for name in measures}
-    loads = np.full((len(models), len(references), most, len(BODIES)), np.nan)
+    loads = np.full((len(models), len(references), most, len(BODIES), len(WRENCH_COMPONENTS)), np.nan)
     runs: dict[tuple[str, str], list[xr.Dataset]] = {}
     for m, (model, members) in enumerate(models.items()):
         for s, (scenario, reference) in enumerate(references.items()):
             runs[model, scenario] = []
             for n, member in enumerate(members):
-                run = drive(Scenario.named(scenario), member, vehicle, steps)
+                if isinstance(member, SurrogateHydrodynamics):
+                    loads[m, s, n] = open_loop(member.networks, reference, vehicle)
+                try:
+                    run = drive(Scenario.named(scenario), member, vehicle, steps)
+                except SimulationError as error:
+                    log.warning("%s, %s, member %d: %s", model, scenario, n, error)
+                    continue
                 runs[model, scenario].append(run)
                 for name, value in closed_loop(run, reference).items():
                     values[name][m, s, n] = value
-                if isinstance(member, SurrogateHydrodynamics):
-                    errors = [open_loop(network, reference, vehicle) for network in member.networks]
-                    loads[m, s, n] = np.mean([e.mean("component") for e in errors], axis=0)
                 if told is not None:
                     told(
                         f"{model}, {scenario}, {n}: final position off by {values['final'][m, s, n]:.2f} % of the path"
@@ -130,7 +143,12 @@ def compare(
     units = {"path": "%", "final": "%", "yaw": "deg", "lateral_velocity": "m s-1", "forward": "m", "lateral": "m"}
     table = xr.Dataset(
         {name: (dims, v, {"units": units[name]}) for name, v in values.items()}
-        | {"load_error": ((*dims, "body"), loads, {"units": "1"})},
-        coords={"model": list(models), "scenario": list(references), "body": list(BODIES)},
+        | {"load_error": ((*dims, "body", "component"), loads, {"units": "1"})},
+        coords={
+            "model": list(models),
+            "scenario": list(references),
+            "body": list(BODIES),
+            "component": list(WRENCH_COMPONENTS),
+        },
     )
     return table, runs

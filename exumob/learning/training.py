@@ -2,9 +2,9 @@
 
 What the paper leaves open was chosen on held-back training runs alone. Scaling: inputs and loads to zero mean and unit
 deviation over the training examples. Loss: mean square error of the six scaled loads, equal weights. Activation of the
-dense layers: tanh. Every seed holds back another run of those inside the range of the others (`held_back`): training
-stops when its error no longer falls, and the weights of the best epoch are kept. The networks of five seeds thus differ
-in their start and in their data, and their spread is that of a cross-validation.
+dense layers: tanh. Gradients are cut off at norm 1. Every seed holds back another run of those inside the range of the
+others (`held_back`): training stops when its error no longer falls, and the weights of the best epoch are kept. The
+networks of five seeds thus differ in their start and in their data, and their spread is that of a cross-validation.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ import json
 import logging
 import multiprocessing
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from queue import Empty
@@ -28,13 +29,13 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from exumob.hydrodynamics.inputs import MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
-from exumob.hydrodynamics.networks import Architecture, NetworkSet, Single, geometry, monomials
+from exumob.hydrodynamics.networks import TRAINED_DENSITY, Architecture, NetworkSet, Single, geometry, monomials
 from exumob.learning.dataset import base_loads, body_states, load_runs, usable, water_of
 from exumob.learning.networks import LoadNetwork
 from exumob.learning.presets import Preset
-from exumob.provenance import provenance
+from exumob.provenance import parameters_json, provenance
 from exumob.scenarios import UNSEEN
-from exumob.states import BODIES
+from exumob.states import BODIES, BodyStates
 from exumob.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
@@ -107,6 +108,7 @@ def examples(runs: Mapping[str, xr.Dataset], vehicle: Vehicle, preset: Preset) -
     loads = [runs[n]["water_wrench_smooth"].values.astype(float) for n in names]
     if architecture.base == "coefficients":
         loads = [load - base_loads(runs[n], vehicle) for n, load in zip(names, loads, strict=True)]
+    loads = [load * (TRAINED_DENSITY / water_of(runs[n]).density) for n, load in zip(names, loads, strict=True)]
     good = [usable(runs[n]) for n in names]
     if preset.mirror:
         order, signs = list(MIRRORED_BODIES), mirror_signs(architecture.inputs)
@@ -259,10 +261,10 @@ def train(
     parts = output / "parts"
     parts.mkdir(parents=True, exist_ok=True)
     _check_geometry(runs, vehicle)
-    data = _data_hash(runs)
+    data = _data_hash(runs, vehicle)
     files: dict[tuple[str, int], Path] = {}
     context = multiprocessing.get_context("spawn")
-    with context.Manager() as manager, ProcessPoolExecutor(max(jobs, 1), context) as pool:
+    with context.Manager() as manager, _stopping(ProcessPoolExecutor(max(jobs, 1), context)) as pool:
         queue = manager.Queue()
         pending: dict[Any, tuple[Preset, int, int]] = {}
         for preset in presets:
@@ -288,6 +290,19 @@ def train(
             }  # fmt: skip
             NetworkSet(preset.architecture, arrays, about).save(files[preset.name, seed])
     return files
+
+
+@contextmanager
+def _stopping(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
+    """A pool that begins nothing more when its leader is stopped."""
+    try:
+        yield pool
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in list((pool._processes or {}).values()):
+            process.terminate()
+        raise
+    pool.shutdown()
 
 
 def _fit_and_keep(
@@ -351,12 +366,14 @@ def _part(parts: Path, preset: Preset, seed: int, body: str, data: str) -> Path:
     return parts / f"{preset.name}_seed{seed}_{body}_{made}.safetensors"
 
 
-def _data_hash(runs: Mapping[str, xr.Dataset]) -> str:
-    found = hashlib.sha256()
+def _data_hash(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> str:
+    """Of all that networks are made from."""
+    found = hashlib.sha256(parameters_json({"vehicle": vehicle}).encode())
     for name in sorted(runs):
-        found.update(name.encode())
-        for variable in ("position", "quaternion", "water_wrench_smooth"):
-            found.update(np.ascontiguousarray(runs[name][variable].values).tobytes())
+        found.update((name + parameters_json({"water": water_of(runs[name])})).encode())
+        for variable in (*BodyStates.__dataclass_fields__, "quaternion", "water_wrench", "water_wrench_smooth"):
+            if variable in runs[name]:
+                found.update(np.ascontiguousarray(runs[name][variable].values).tobytes())
     return found.hexdigest()[:16]
 
 

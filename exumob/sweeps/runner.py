@@ -385,17 +385,18 @@ def _run_in_processes(store: _Store, workers: int, told: Callable[[], None]) -> 
     context = multiprocessing.get_context("spawn")
     while left := store.left():
         pool = context.Process(target=_pool, args=(store, left, min(workers, len(left)), os.getpid()))
+        since = time.time()
         pool.start()
         lost: set[int] = set()
         try:
             while pool.is_alive():
                 pool.join(POLL)
                 told()
-                if lost := _lost(store):
+                if lost := _lost(store, since):
                     break
         finally:
             _kill(pool)
-            store.forget_begun(n for n in store.begun() if n not in lost)
+            store.forget_begun(n for n, begun in store.begun().items() if begun["at"] >= since and n not in lost)
         if pool.exitcode not in (0, None, -signal.SIGKILL) and store.left() == left and not lost:
             raise RuntimeError(
                 f"sweep: the processes could not be started (exit code {pool.exitcode}); is the script's own work "
@@ -403,10 +404,12 @@ def _run_in_processes(store: _Store, workers: int, told: Callable[[], None]) -> 
             )
 
 
-def _lost(store: _Store) -> set[int]:
-    """Cases that will never end: their process is gone, or is far beyond its time."""
+def _lost(store: _Store, since: float) -> set[int]:
+    """Cases begun since then that will never end: their process is gone, or is far beyond its time."""
     found = set()
     for number, begun in store.begun().items():
+        if begun["at"] < since:  # by an earlier pool
+            continue
         if not _alive(begun["pid"]):
             if number not in store.ended():
                 found.add(number)
@@ -421,6 +424,7 @@ def _kill(pool: Any) -> None:
     if pool.is_alive():
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(pool.pid, signal.SIGKILL)
+        pool.kill()  # it may not have its group yet
     pool.join()
 
 
