@@ -28,9 +28,11 @@ from exumob.states import Array, BodyStates
 
 WithinStep = Literal["held", "linear"]
 SWINGS = 4
-"""Times that the residual of `SemiImplicit` turns round from step to step before the water's response is renewed."""
+"""Times that the residual of `SemiImplicit` turns round from step to step before the water's response is renewed ..."""
 MATTERS = 0.2
-"""... and its size over that of the loads from which on: sound runs stay below 0.18."""
+"""... if it is then larger than this share of the loads (sound runs stay below 0.18) ..."""
+GROWN = 10.0
+"""... or has grown by so much meanwhile."""
 
 
 class Mechanism(Protocol):
@@ -490,12 +492,12 @@ class _Response:
     """G* - F of the last steps, since D was measured"""
 
     def swings(self, residual: Array, relative: float) -> bool:
-        """Take note of a step's G* - F; whether it has swung `SWINGS` times, is larger than before, and matters."""
+        """Take note of a step's G* - F; whether it has swung `SWINGS` times, and grown, so that it matters."""
         self.residuals = [*self.residuals[-SWINGS:], np.array(residual)]
-        if len(self.residuals) <= SWINGS or relative < MATTERS:
+        if len(self.residuals) <= SWINGS or any(np.vdot(a, b) >= 0.0 for a, b in pairwise(self.residuals)):
             return False
-        opposite = all(np.vdot(a, b) < 0.0 for a, b in pairwise(self.residuals))
-        return opposite and float(np.linalg.norm(residual)) > float(np.linalg.norm(self.residuals[0]))
+        growth = float(np.linalg.norm(residual)) / max(float(np.linalg.norm(self.residuals[0])), 1e-300)
+        return growth > (1.0 if relative > MATTERS else GROWN)
 
 
 def body_velocities(states: BodyStates) -> Array:

@@ -3,13 +3,17 @@
 import importlib.util
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from exumob import ConstantSteer, Soil, load_vehicle, simulate
+from exumob.hydrodynamics.networks import Architecture, NetworkSet
 from exumob.hydrodynamics.surrogate import shipped_networks
+from exumob.results import load_dataset
 
 ROOT = Path(__file__).parents[2]
 
@@ -95,6 +99,29 @@ def test_computational_time_study_measures_time_and_error():
     assert result.sizes == {"macro": 2}
     assert float(result["wall_time"].min()) > 0.0
     assert float(result["step_error"][0]) == 0.0 and 0.0 < float(result["step_error"][1]) < 56.0
+
+
+def test_ablation_study_pairs_seeds_and_measures_memory():
+    """A made-up table with a gap of -1 in every seed but one; an LSTM whose recurrent weights decide."""
+    study = load_study("ablation")
+    dims = ("model", "scenario", "member")
+    values = np.array([[[1.0, 2.0, 3.0, 4.5]], [[2.0, 3.0, 4.0, 4.0]]])
+    table = xr.Dataset({name: (dims, values) for name, _, _ in study.MEASURES}, {"model": list(study.PAIR)})
+    lines = study.paired(table).splitlines()
+    assert lines[2].startswith("| path [%] | -0.62 | 0.38 |") and lines[2].endswith("| 3 of 4 |")
+
+    run = load_dataset(ROOT / "data" / "cfd_mbd" / "D50_U0.5.nc").isel(time=slice(2500, 3500))
+    architecture = Architecture(("forward_speed", "yaw_rate"), taps=3, stride=100, width=4, dense=3)
+    rng = np.random.default_rng(0)
+    arrays = {name: rng.standard_normal((5, *shape)) for name, shape in architecture.shapes().items()}
+    arrays |= {"input_mean": np.zeros((5, 2)), "input_scale": np.full((5, 2), 0.2), "input_low": np.full((5, 2), -5.0)}
+    arrays |= {"input_high": np.full((5, 2), 5.0)}
+    arrays |= {"output_mean": np.zeros((5, 6)), "output_scale": np.ones((5, 6))}
+    single = {name: value.astype(np.float32) for name, value in arrays.items()}
+    share = study.memory_share(NetworkSet(architecture, single, {}), run)
+    assert share.shape == (5,) and share.min() > 0.02  # its samples lie 100 ms apart
+    near = study.memory_share(NetworkSet(replace(architecture, stride=1), single, {}), run)
+    assert (near < 0.1 * share).all()
 
 
 def test_ablation_study_compares_what_it_is_given(tmp_path):

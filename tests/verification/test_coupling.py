@@ -124,6 +124,19 @@ def test_semi_implicit_scheme_notices_that_the_water_answers_more_strongly(vehic
     assert np.abs(stale["acceleration"].values[:, 0, 2]).max() > 98.1
 
 
+def test_semi_implicit_scheme_is_not_disturbed_by_rough_loads(vehicle, sand):
+    """Loads rough by 3 % from step to step, as those of the flow solver: the response is measured at the start only."""
+
+    class Rough(StandIn):
+        def advance(self, time, poses):
+            loads = super().advance(time, poses)
+            return loads * (1.0 + 0.03 * np.random.default_rng(round(1e6 * (time + 10.0))).standard_normal(loads.shape))
+
+    result = run(vehicle, sand, Rough(), coupling=SemiImplicit(), duration=0.2)
+    assert list(np.flatnonzero(result["coupling_iterations"].values > 1)) == [0]
+    assert float(result["coupling_residual"].median()) > 0.005  # rough they are
+
+
 def test_strong_scheme_records_iterations_and_residuals(vehicle, sand):
     result = run(vehicle, sand, coupling=Strong(tolerance=1e-4), duration=0.05)
     assert result["coupling_iterations"].sizes == {"macro_time": 50}
