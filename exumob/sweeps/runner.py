@@ -21,6 +21,7 @@ import pickle
 import signal
 import socket
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -319,13 +320,13 @@ class _Worker:
 
     store: _Store
     parent: int | None = None
-    """Process with which it dies; None: MPI's business"""
+    """Pool's process, with which it dies; None: MPI's business"""
 
     def __call__(self, item: Mapping[str, int]) -> int:
         number = int(item["case"])
         store = self.store
         if self.parent is not None and os.getpid() != self.parent:
-            _die_with_parent(self.parent)
+            _die_with_parent()
         attempts = store.begin(number, self.parent is None)
         began = time.perf_counter()
 
@@ -382,10 +383,13 @@ class _Alarm:
 
 def _run_in_processes(store: _Store, workers: int, told: Callable[[], None]) -> None:
     """A pool of processes under watch, begun anew after each death, until every case has ended."""
-    context = multiprocessing.get_context("spawn")
+    # a server that has imported everything starts a pool in no time
+    context: Any = multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
+    if sys.platform == "linux":
+        context.set_forkserver_preload(["__main__", "exumob.sweeps.runner", "exudyn.processing"])
     while left := store.left():
-        pool = context.Process(target=_pool, args=(store, left, min(workers, len(left)), os.getpid()))
         since = time.time()
+        pool = context.Process(target=_pool, args=(store, left, min(workers, len(left)), os.getpid()))
         pool.start()
         lost: set[int] = set()
         try:
@@ -428,11 +432,11 @@ def _kill(pool: Any) -> None:
     pool.join()
 
 
-def _pool(store: _Store, numbers: list[int], workers: int, parent: int) -> None:
+def _pool(store: _Store, numbers: list[int], workers: int, leader: int) -> None:
     """In a process group of its own: `exudyn.processing` with its processes."""
     if hasattr(os, "setpgrp"):
         os.setpgrp()
-    _die_with_parent(parent)
+    threading.Thread(target=_end_with, args=(leader,), daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the leader ends us
     from exudyn.processing import ProcessParameterList
 
@@ -441,11 +445,20 @@ def _pool(store: _Store, numbers: list[int], workers: int, parent: int) -> None:
     )
 
 
-def _die_with_parent(parent: int) -> None:
-    """Nothing goes on when the process that began it was killed (Linux)."""
+def _end_with(leader: int) -> None:
+    """Nothing goes on when the leader was killed."""
+    while _alive(leader):
+        time.sleep(POLL)
+    if hasattr(os, "killpg"):
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)
+
+
+def _die_with_parent() -> None:
+    """A process ends with its pool (Linux)."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-        if os.getppid() != parent:
+        if os.getppid() == 1:
             os._exit(1)
 
 
