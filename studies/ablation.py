@@ -1,9 +1,10 @@
 """Does the LSTM layer matter? (paper Sec. 5.2, Fig. 15)
 
 The paper's network against the same with a dense layer in the place of the LSTM's, fed y(t_n) alone: five seeds each,
-paired by seed (the same runs to learn from), on the four unseen runs. Then why: what of the LSTM's answer comes from
+paired by seed (the same runs to learn from), on the four unseen runs. Then why. What of the LSTM's answer comes from
 the two samples before the present one, which lie 1 and 2 ms back? Their window is filled with the present state and the
-change of the loads is compared with their size, along the CFD-MBD runs.
+change of the loads is compared with their size, along the CFD-MBD runs. And a third network: the LSTM fed y(t_n) alone,
+as the dense one is (`present-lstm`: its gates are left, its memory is not).
 
 First: exumob train --output networks
 Run: python studies/ablation.py --networks networks
@@ -32,6 +33,7 @@ from vehicle_models.amphibious import amphibious_vehicle
 FIGURES = Path(__file__).parent / "figures"
 DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"
 PAIR = ("paper-lstm", "paper-dense")
+MODELS = (*PAIR, "present-lstm")
 
 
 def memory_share(network: NetworkSet, run: xr.Dataset) -> np.ndarray:
@@ -47,11 +49,14 @@ def memory_share(network: NetworkSet, run: xr.Dataset) -> np.ndarray:
     return np.asarray(change.mean(axis=-1))
 
 
-def paired(table: xr.Dataset) -> str:
-    """LSTM less dense, seed by seed, means over the scenarios; positive: the dense network is nearer to CFD-MBD."""
-    lines = ["| LSTM less dense | mean | standard error | p (t test) | seeds for the LSTM |", "|---|---|---|---|---|"]
+def paired(table: xr.Dataset, pair: tuple[str, str] = PAIR) -> str:
+    """One less the other, seed by seed, means over the scenarios; negative: the first is nearer to CFD-MBD."""
+    lines = [
+        f"| {pair[0]} less {pair[1]} | mean | standard error | p (t test) | seeds for the first |",
+        "|---|---|---|---|---|",
+    ]
     for name, factor, unit in MEASURES:
-        one, other = (factor * table[name].sel(model=model).mean("scenario").values for model in PAIR)
+        one, other = (factor * table[name].sel(model=model).mean("scenario").values for model in pair)
         gap = one - other
         p = stats.ttest_rel(one, other).pvalue if len(gap) > 1 else float("nan")
         error = gap.std(ddof=1) / np.sqrt(len(gap)) if len(gap) > 1 else float("nan")
@@ -63,7 +68,7 @@ def paired(table: xr.Dataset) -> str:
 
 def main(quick: bool = False, networks: Path = Path("networks")) -> tuple[xr.Dataset, np.ndarray]:
     """Drive the unseen runs with both; return the table, and the share of memory by seed and body."""
-    files = {model: sorted(networks.glob(f"{model}_seed*.safetensors")) for model in PAIR}
+    files = {model: sorted(networks.glob(f"{model}_seed*.safetensors")) for model in MODELS}
     for model, found in files.items():
         if not found:
             raise SystemExit(f"{networks} holds no networks of {model}; first: exumob train --output {networks}")
@@ -76,8 +81,8 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> tuple[xr.Dat
     if not quick:
         FIGURES.mkdir(exist_ok=True)
         with plt.rc_context(STYLE):
-            figure, panels = plt.subplots(2, 1, figsize=(9.0, 7.0), sharex=True, layout="constrained")
-            for axes, model in zip(panels, PAIR, strict=True):
+            figure, panels = plt.subplots(3, 1, figsize=(9.0, 10.0), sharex=True, layout="constrained")
+            for axes, model in zip(panels, MODELS, strict=True):
                 plot_paths(axes, runs, references, model)
         save_figure(figure, FIGURES / "ablation_paths.png")
         save_dataset(table, FIGURES / "ablation.nc")
@@ -91,6 +96,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--networks", type=Path, default=Path("networks"), help="folder of `exumob train`")
     answer, shares = main(networks=parser.parse_args().networks)
-    print(markdown(answer), paired(answer), sep="\n\n")
+    print(markdown(answer), paired(answer), paired(answer, ("present-lstm", "paper-dense")), sep="\n\n")
     print("\nShare of the LSTM's loads that comes from the samples 1 and 2 ms back (rms over deviation):")
     print(", ".join(f"{body} {100 * share:.1f} %" for body, share in zip(BODIES, shares.mean(axis=0), strict=True)))

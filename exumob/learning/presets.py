@@ -49,6 +49,7 @@ PRESETS = {
     preset.name: preset
     for preset in (
         Preset("paper-lstm", Architecture()),
+        Preset("present-lstm", Architecture(taps=1)),
         Preset("paper-dense", Architecture(layer="dense", taps=1)),
         Preset("coefficients", Architecture(layer="polynomial", taps=1, degree=3)),
         Preset("flow-dense", Architecture(FLOW_INPUTS, 1, 1, "dense", 64, 32), mirror=True, noise=0.02),
