@@ -7,6 +7,7 @@ from exumob.environment import Soil, Water
 from exumob.errors import SimulationError, SimulationInterrupted
 from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, NoWater
 from exumob.maneuver import ConstantSteer, LaneChange, Recorded, lane_change
+from exumob.path_following import PathFollowing, lane_shift
 from exumob.results import load_dataset, save_dataset, summary
 from exumob.simulation import simulate
 from exumob.terrain import Terrain
@@ -20,6 +21,7 @@ __all__ = [
     "Hydrodynamics",
     "LaneChange",
     "NoWater",
+    "PathFollowing",
     "Recorded",
     "SimulationError",
     "SimulationInterrupted",
@@ -32,6 +34,7 @@ __all__ = [
     "Wheel",
     "Wishbones",
     "lane_change",
+    "lane_shift",
     "load_dataset",
     "load_vehicle",
     "save_dataset",

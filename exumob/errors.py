@@ -14,6 +14,8 @@ class SimulationError(RuntimeError):
     """What was computed until then, if anything was."""
     state: dict[str, Any] | None = None
     """Of the flow solver before the step that failed, for `exumob.flow.FlowSolver.restore`."""
+    cause: str = ""
+    """``"sunk"``: a wheel to its centre; ``"afloat"``, ``"swept away"``: the vehicle cannot even stand; else empty."""
 
 
 class SimulationInterrupted(KeyboardInterrupt):

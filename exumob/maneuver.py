@@ -9,14 +9,15 @@ from __future__ import annotations
 import logging
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, make_interp_spline
 
 from exumob.checks import require_finite, require_positive, require_within
-from exumob.vehicle import Motion
+from exumob.states import BodyStates
+from exumob.vehicle import Motion, Vehicle
 
 logger = logging.getLogger(__name__)
 
@@ -29,6 +30,32 @@ class Maneuver(Protocol):
 
     def wheel_speed(self, time: float) -> Motion:
         """Spin of all four wheels [rad/s] (positive: forward), and its two derivatives."""
+
+
+class Driver(Maneuver, Protocol):
+    """Somebody who drives one run and looks at the vehicle as it goes."""
+
+    def observe(self, states: BodyStates) -> None:
+        """See the vehicle as it is now (n = 1); steering and wheel speed may change from here on, without a jump."""
+
+    def save(self) -> dict[str, Any]:
+        """All that the next steps depend on: arrays, numbers and text by name, so that it can be written."""
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Return to a state given by `save`."""
+
+
+@runtime_checkable
+class FeedbackManeuver(Maneuver, Protocol):
+    """A maneuver whose steering answers to the motion of the vehicle (`exumob.path_following`)."""
+
+    control_step: float
+    """Interval at which the driver looks [s]."""
+    max_steering: float
+    """Largest steering angle that is ever asked for [rad]."""
+
+    def driver(self, vehicle: Vehicle) -> Driver:
+        """Begin a run: looks at time 0 first."""
 
 
 def smooth_step(x: float) -> Motion:

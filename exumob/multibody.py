@@ -33,7 +33,7 @@ from exumob.constraints import Constraints
 from exumob.environment import Soil
 from exumob.errors import SimulationError
 from exumob.loads import HISTORY, LOADS, WORK, add_work, load_model, sample_motion, soil_damping, vehicle_loads
-from exumob.maneuver import Maneuver
+from exumob.maneuver import Driver, FeedbackManeuver, Maneuver
 from exumob.states import Array, BodyStates
 from exumob.terrain import Terrain
 from exumob.vehicle import Suspension, Vehicle
@@ -72,6 +72,7 @@ class SavedState:
     rows: int
     history: np.ndarray | None
     records: np.ndarray | None
+    driver: dict[str, Any] | None = None
 
 
 class MultibodyVehicle:
@@ -82,6 +83,7 @@ class MultibodyVehicle:
     vehicle : Vehicle
     soil : Soil
     maneuver : Maneuver
+        A `FeedbackManeuver` is driven by its driver.
     terrain : Terrain
     micro_step : float
         Step of the time integration [s]; `HISTORY_STEP` must be a whole multiple of it.
@@ -112,6 +114,8 @@ class MultibodyVehicle:
         """Build the system at ride height on the terrain."""
         self.vehicle = vehicle
         self.maneuver = maneuver
+        self._driver: Driver | None = None  # while driving a maneuver with feedback
+        self._looks = 0
         self.micro_step = micro_step
         self.model = load_model(vehicle, soil, terrain, standstill_rate)
         self.loads = np.zeros(1, LOADS)
@@ -312,10 +316,11 @@ class MultibodyVehicle:
                         break
             speed = float(np.hypot(*state.velocity[0, 0, :2]))
             if stages or speed > model["wheel_radius"] * standstill_rate:
-                raise SimulationError(
+                raise _because(
+                    self._footing(speed),
                     f"{self.vehicle.name}: no static equilibrium within {limit} s (largest acceleration "
                     f"{acceleration:.2g} m/s^2, speed {speed:.2g} m/s); the vehicle floats, slides or trembles on its "
-                    "tyres. Lower the water depth or the current, choose a firmer soil or a gentler slope."
+                    "tyres. Lower the water depth or the current, choose a firmer soil or a gentler slope.",
                 )
         finally:
             self._solver.FinalizeSolver(self.mbs, settings)
@@ -326,11 +331,20 @@ class MultibodyVehicle:
         data.SetODE2Coordinates_t(np.array(self._v), configuration=exu.ConfigurationType.Initial)
         self._start(self._settings, driving=True)
 
+    def _footing(self, speed: float) -> str:
+        """Why the vehicle cannot stand, as `SimulationError.cause`."""
+        borne = float(self.loads[0]["soil_force"][:, 2].sum())
+        if borne < 0.05 * self.vehicle.mass * float(self.model[0]["gravity"]):
+            return "afloat"
+        return "swept away" if speed > self.model[0]["wheel_radius"] * self.model[0]["standstill_rate"] else ""
+
     def _start(self, settings: Any, driving: bool) -> None:
         """Begin a run at time 0 from the initial configuration."""
         self._driving = driving
         self.ledger[:] = 0
-        self._samples = self._rows = 0
+        self._samples = self._rows = self._looks = 0
+        feedback = driving and isinstance(self.maneuver, FeedbackManeuver)
+        self._driver = self.maneuver.driver(self.vehicle) if feedback else None
         self._solver = exu.MainSolverImplicitSecondOrder()
         data = self.mbs.systemData
         data.SetTime(0.0)
@@ -345,12 +359,14 @@ class MultibodyVehicle:
         self._evaluate(0.0)
         self._account(0.0)
         self._sample(0.0)
+        self._look(0.0)
         if driving:
             self._record(0.0)
 
     def _set_command(self, time: float) -> None:
-        left, right = self.vehicle.steering_angles(self.maneuver.steering(time if self._driving else 0.0))
-        speed = self.maneuver.wheel_speed(time)[0] if self._driving else 0.0
+        driver = self._driver or self.maneuver
+        left, right = self.vehicle.steering_angles(driver.steering(time if self._driving else 0.0))
+        speed = driver.wheel_speed(time)[0] if self._driving else 0.0
         self._command[:] = left[0], right[0], speed
         self._rates[:] = left[1], right[1], speed
 
@@ -392,12 +408,21 @@ class MultibodyVehicle:
     def _after_step(self, mbs: Any, time: float) -> bool:
         depth = self._account(time)
         if not depth < 1.0:
-            raise SimulationError(_sunk(self.vehicle.name, time, depth, "" if self._driving else "while settling, "))
+            cause = "" if np.isnan(depth) else "sunk"
+            phase = "" if self._driving else "while settling, "
+            raise _because(cause, _sunk(self.vehicle.name, time, depth, phase))
         if time >= self._samples * HISTORY_STEP - 1e-9:
             self._sample(time)
+        self._look(time)
         if self._driving and time >= self._rows * self._record_step - 1e-9:
             self._record(time)
         return True
+
+    def _look(self, time: float) -> None:
+        """Let the driver of a maneuver with feedback see the vehicle, if it is time to."""
+        if self._driver is not None and time >= self._looks * self.maneuver.control_step - 1e-9:
+            self._driver.observe(self.present())
+            self._looks += 1
 
     def _record(self, time: float) -> None:
         """Store all loads (at the converged state), reactions and constraint errors."""
@@ -502,6 +527,7 @@ class MultibodyVehicle:
             rows=self._rows,
             history=self._history[: self._samples].copy() if histories else None,
             records=self._records[: self._rows].copy() if histories else None,
+            driver=None if self._driver is None else {"looks": self._looks, **self._driver.save()},
         )
 
     def restore(self, saved: SavedState) -> None:
@@ -530,6 +556,9 @@ class MultibodyVehicle:
         self.loads[:] = saved.loads
         self.ledger[:] = saved.ledger
         self._samples, self._rows = saved.samples, saved.rows
+        if self._driver is not None and saved.driver is not None:
+            self._looks = saved.driver["looks"]
+            self._driver.restore(saved.driver)
         if saved.history is not None and saved.records is not None:
             self._history[: self._samples] = saved.history
             self._records[: self._rows] = saved.records
@@ -567,6 +596,12 @@ class MultibodyVehicle:
             self._q[:], self._v[:] = q, v
             self._set_command(now)
         return _as_states(sample)
+
+
+def _because(cause: str, message: str) -> SimulationError:
+    error = SimulationError(message)
+    error.cause = cause
+    return error
 
 
 def _sunk(name: str, time: float, depth: float, phase: str) -> str:

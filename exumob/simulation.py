@@ -19,7 +19,7 @@ from exumob.coupling import Coupling, Explicit, SemiImplicit, wrenches
 from exumob.environment import Soil, Water
 from exumob.errors import SimulationError, SimulationInterrupted
 from exumob.hydrodynamics import CoefficientHydrodynamics, DevelopedHydrodynamics, Hydrodynamics, NoWater
-from exumob.maneuver import Maneuver, lane_change
+from exumob.maneuver import FeedbackManeuver, Maneuver, lane_change
 from exumob.multibody import HISTORY_STEP, SETTLING_STEP, MultibodyVehicle
 from exumob.results import build_dataset
 from exumob.states import Array, BodyStates
@@ -256,6 +256,8 @@ def _check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> No
     if not (np.isfinite(steering).all() and np.isfinite(speed).all()):
         raise ValueError("maneuver: steering or wheel_speed is not finite within the duration; mend its definition.")
     largest = np.abs(steering[:, 0]).max()
+    if isinstance(maneuver, FeedbackManeuver):
+        largest = max(largest, maneuver.max_steering)
     if largest > vehicle.steering.limit:
         raise ValueError(
             f"maneuver: steers {np.degrees(largest):.1f} deg, beyond Steering.limit = "

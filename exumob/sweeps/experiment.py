@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from operator import attrgetter
 from typing import Any, TypeVar, cast
 
 import xarray as xr
@@ -12,13 +13,18 @@ import xarray as xr
 from exumob.environment import Soil, Water
 from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, NoWater, SurrogateHydrodynamics
 from exumob.hydrodynamics.coefficients import Coefficients
-from exumob.maneuver import LaneChange, Maneuver, lane_change
+from exumob.maneuver import ConstantSteer, LaneChange, Maneuver, lane_change
+from exumob.path_following import PathFollowing
 from exumob.simulation import simulate
 from exumob.vehicle import Vehicle
 
 T = TypeVar("T")
 MODELS = ("networks", "coefficients", "none")
 """Values of ``hydrodynamics``."""
+MANEUVERS: dict[str, Maneuver] = {
+    "lane change": LaneChange(), "straight": ConstantSteer(), "path following": PathFollowing(),
+}  # fmt: skip
+"""Values of ``maneuver``."""
 STEPS = ("duration", "micro_step", "macro_step", "record_step")
 
 
@@ -28,7 +34,7 @@ class Experiment:
 
     Names: those of `Vehicle` and its parts (``hull.mass``, ``wheelbase``), ``soil`` (a published name) and
     ``soil.<field>``, ``water.<field>`` and ``water.depth_ratio`` (over the tyre's diameter; 0: no water),
-    ``maneuver.<field>``, ``hydrodynamics`` (`MODELS`), ``hydrodynamics.member`` (one network of the ensemble, by
+    ``maneuver`` (one of `MANEUVERS`) and ``maneuver.<field>``, ``hydrodynamics`` (`MODELS`), ``hydrodynamics.member`` (one network of the ensemble, by
     number), ``hydrodynamics.<field>`` of the coefficients, and ``duration``, ``micro_step``, ``macro_step``,
     ``record_step``.
     """
@@ -60,7 +66,7 @@ class Experiment:
         found = _leaves(self.vehicle) + [f"soil.{n}" for n in _leaves(self.soil)] + ["soil"]
         found += ["water.depth_ratio", *(f"water.{n}" for n in _leaves(self.water or Water(0.1)))]
         if is_dataclass(self.maneuver):
-            found += [f"maneuver.{n}" for n in _leaves(self.maneuver)]
+            found += ["maneuver", *(f"maneuver.{n}" for n in _leaves(self.maneuver))]
         return [
             *found, "hydrodynamics", "hydrodynamics.member",
             *(f"hydrodynamics.{f.name}" for f in fields(Coefficients)), *STEPS,
@@ -85,12 +91,30 @@ class Experiment:
             changed = changed._with(name, values[name])
         return changed
 
+    def value(self, name: str) -> Any:
+        """The value that a name has now; of ``water.<field>`` that of the default water if there is none."""
+        if name not in self.names():
+            self.with_values({name: None})
+        owner, _, rest = name.partition(".")
+        if name == "water.depth_ratio":
+            return 0.0 if self.water is None else self.water.depth / self.vehicle.wheel.diameter
+        if name in ("soil", "maneuver", "hydrodynamics", *STEPS):
+            return getattr(self, name)
+        if name == "hydrodynamics.member":
+            return self.member
+        owners = {
+            "soil": self.soil, "water": self._wet(), "maneuver": self.maneuver, "hydrodynamics": self.coefficients,
+        }  # fmt: skip
+        return attrgetter(rest)(owners[owner]) if owner in owners else attrgetter(name)(self.vehicle)
+
     def _with(self, name: str, value: Any) -> Experiment:
         owner, _, rest = name.partition(".")
         if name in STEPS:
             return _replaced(self, name, float(value))
         if name == "soil":
             return replace(self, soil=value if isinstance(value, Soil) else Soil.published(value))
+        if name == "maneuver":
+            return replace(self, maneuver=maneuver_named(value) if isinstance(value, str) else value)
         if name == "hydrodynamics":
             return replace(self, hydrodynamics=value)
         if name == "hydrodynamics.member":
@@ -125,6 +149,10 @@ class Experiment:
             raise ValueError(f"hydrodynamics.member = {self.member}: there are {len(ensemble.networks)}, from 0 on.")
         return SurrogateHydrodynamics(ensemble.networks[self.member])
 
+    def member_count(self) -> int:
+        """Networks in the ensemble that is the water."""
+        return len(SurrogateHydrodynamics().networks)
+
     def check(self) -> None:
         """Raise ValueError if the water model does not fit the vehicle."""
         model = self.water_model()
@@ -148,6 +176,24 @@ def amphibious_lane_change() -> Experiment:
     from vehicle_models.amphibious import amphibious_vehicle
 
     return Experiment(amphibious_vehicle(), Soil.published("LETE sand"), Water.at_ratio(0.6, 1.0), LaneChange())
+
+
+def amphibious_crossing() -> Experiment:
+    """The paper's vehicle straight ahead for 5 s in D60/U1 on LETE sand: for mobility maps."""
+    return replace(amphibious_lane_change(), maneuver=ConstantSteer(), duration=5.0)
+
+
+def maneuver_named(name: str) -> Maneuver:
+    """One of `MANEUVERS`.
+
+    Raises
+    ------
+    ValueError
+        If none has this name.
+    """
+    if name not in MANEUVERS:
+        raise ValueError(f"maneuver = {name!r} is not known; use {', '.join(map(repr, MANEUVERS))}.")
+    return MANEUVERS[name]
 
 
 def _leaves(thing: Any) -> list[str]:

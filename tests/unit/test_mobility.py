@@ -1,0 +1,192 @@
+"""Mobility maps: verdicts on single runs, refinement along a known border, confidence, scatter, what lies out of range."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.stats import binomtest
+
+from exumob.crossing import FAILURES, Crossing, Limits, judge
+from exumob.mobility import Axis, MobilityMap, _Lattice, compute_map
+from exumob.results import load_dataset
+from exumob.sweeps.experiment import amphibious_crossing
+from exumob.sweeps.sampling import Normal
+
+QUICK = replace(amphibious_crossing(), hydrodynamics="coefficients", duration=1.5)
+BRIEF = Limits(window=0.5)
+
+
+@dataclass(frozen=True)
+class Ellipse(Crossing):
+    """Crosses where depth and current lie within an ellipse: a border that is known."""
+
+    def __call__(self, values):
+        """No vehicle, but a verdict."""
+        x, y = values["water.current_speed"], values["water.depth_ratio"]
+        inside = (x / 1.05) ** 2 + ((y - 0.3) / 0.31) ** 2 < 1.0
+        numbers = dict.fromkeys(("speed", "drift", "slip", "power", "wheel_load", "tilt"), 1.0 - x)
+        return {
+            "crossed": float(inside), "failure": 0.0 if inside else float(FAILURES.index("too slow")), **numbers,
+            "out_of_range": float(y > 0.65),
+        }  # fmt: skip
+
+
+def run_at(speed=1.0, sideways=0.0, roll=0.0, load=0.9, outside=False):
+    """A run of 4 s at constant velocity."""
+    time = np.linspace(0.0, 4.0, 41)
+    position = np.zeros((41, 1, 3))
+    position[:, 0, 0], position[:, 0, 1] = speed * time, sideways * time
+    macro = time[:-1]
+    return xr.Dataset(
+        {
+            "position": (("time", "body", "axis"), position),
+            "roll": (("time", "body"), np.full((41, 1), roll)),
+            "pitch": (("time", "body"), np.zeros((41, 1))),
+            "slip_ratio": (("time", "wheel"), np.full((41, 4), 0.3)),
+            "spin_power": (("time", "wheel"), np.full((41, 4), 25.0)),
+            "soil_force": (("time", "wheel", "axis"), np.full((41, 4, 3), load * 100.0 * 9.81 / 4)),
+            "mass": ("body", [100.0]),
+            "hydrodynamics_out_of_range": (("macro_time", "body"), np.full((40, 1), outside)),
+        },
+        coords={"time": time, "macro_time": macro, "body": ["hull"], "axis": ["x", "y", "z"]},
+    )
+
+
+@pytest.mark.parametrize(
+    ("given", "failure"),
+    [
+        ({}, "none"),
+        ({"speed": 0.61}, "none"),
+        ({"speed": 0.59}, "too slow"),
+        ({"speed": 0.04}, "stuck"),
+        ({"speed": -0.5}, "stuck"),
+        ({"sideways": 0.08}, "none"),
+        ({"sideways": 0.09}, "pushed aside"),
+        ({"sideways": -0.09}, "pushed aside"),
+        ({"roll": 0.6, "speed": 0.1}, "tipped"),
+        ({"load": 0.04}, "afloat"),
+    ],
+)
+def test_verdicts(given, failure):
+    found = judge(run_at(**given), Limits())
+    assert FAILURES[int(found["failure"])] == failure
+    assert found["crossed"] == (failure == "none")
+    assert found["power"] == pytest.approx(100.0)
+    assert found["speed"] == pytest.approx(given.get("speed", 1.0))
+
+
+def test_drift_is_over_the_width_and_range_over_the_window():
+    assert judge(run_at(speed=0.8, sideways=0.02), Limits())["drift"] == pytest.approx(0.3)
+    assert judge(run_at(outside=True), Limits())["out_of_range"] == 1.0
+    with pytest.raises(ValueError, match=r"longer than Limits\.window"):
+        judge(run_at(), Limits(window=5.0))
+
+
+def test_a_run_with_water_is_judged():
+    found = Crossing(QUICK, BRIEF)({"water.depth_ratio": 0.4, "water.current_speed": 0.0})
+    assert 0.3 < found["speed"] < 1.0
+    assert 0.7 < found["wheel_load"] < 1.0
+    assert found["power"] > 10.0
+
+
+@pytest.mark.parametrize(
+    ("values", "failure"),
+    [
+        ({"soil.k_phi": 4e3, "soil.k_c": 0.0, "water.depth_ratio": 0.3}, "sunk"),
+        ({"water.depth": 0.5}, "afloat"),
+    ],
+)
+def test_vehicles_that_cannot_even_stand(values, failure):
+    found = Crossing(QUICK, BRIEF)(values)
+    assert FAILURES[int(found["failure"])] == failure
+    assert found["crossed"] == 0.0
+    assert math.isnan(found["speed"])
+
+
+def test_refined_map_has_the_border_of_the_full_one(tmp_path):
+    wanted = MobilityMap(Ellipse(QUICK, BRIEF), y=Axis("water.depth_ratio", 0.3, 0.7), scatter={}, levels=3)
+    quick = compute_map(wanted, tmp_path / "refined")
+    full = compute_map(wanted, tmp_path / "full", full=True)
+    np.testing.assert_array_equal(quick["probability"] >= 0.5, full["probability"] >= 0.5)
+    assert quick.attrs["computed_share"] < 0.4
+    assert full.attrs["computed_share"] == 1.0
+    there = quick["runs"].values > 0
+    np.testing.assert_array_equal(quick["speed"].values[there], full["speed"].values[there])
+    np.testing.assert_allclose(quick["speed"], full["speed"], atol=1e-12)  # linear: interpolation is exact
+    assert set(np.unique(full["failure"])) == {0, FAILURES.index("too slow")}
+    assert load_dataset(tmp_path / "full" / "map.nc").identical(full)
+
+
+def test_a_map_goes_on_where_it_was(tmp_path):
+    wanted = MobilityMap(Ellipse(QUICK, BRIEF), scatter={}, levels=1)
+    first = compute_map(wanted, tmp_path)
+    files = {f: f.stat().st_mtime_ns for f in (tmp_path / "level0" / "cases").iterdir()}
+    again = compute_map(wanted, tmp_path)
+    assert {f: f.stat().st_mtime_ns for f in (tmp_path / "level0" / "cases").iterdir()} == files
+    np.testing.assert_array_equal(first["probability"], again["probability"])
+    with pytest.raises(ValueError, match="another sweep"):
+        compute_map(replace(wanted, crossing=Ellipse(QUICK, Limits(window=0.5, drift=2.0))), tmp_path)
+
+
+def test_probability_and_interval_at_a_scattered_node(tmp_path):
+    """The current at which half the draws fail is that of the border; Wilson's interval is scipy's."""
+    wanted = MobilityMap(
+        Ellipse(QUICK, BRIEF), Axis("water.current_speed", 0.0, 2.1, 2), Axis("water.depth_ratio", 0.3, 0.6, 1),
+        scatter={"water.current_speed": Normal(1.0, 0.1)}, draws=64, levels=0,
+    )  # fmt: skip
+    found = compute_map(wanted, tmp_path)
+    at_border = found["probability"].isel(panel=0, y=0, x=1)  # nominally 1.05 m/s
+    assert float(at_border) == pytest.approx(0.5, abs=0.05)
+    bounds = binomtest(round(64 * float(at_border)), 64).proportion_ci(0.95, "wilson")
+    assert float(found["probability_low"].isel(panel=0, y=0, x=1)) == pytest.approx(bounds.low)
+    assert float(found["probability_high"].isel(panel=0, y=0, x=1)) == pytest.approx(bounds.high)
+    assert float(found["probability"].isel(panel=0, y=0, x=0)) == 1.0
+
+
+def test_cells_out_of_range_are_not_refined():
+    wanted = MobilityMap(Ellipse(QUICK, BRIEF), scatter={}, levels=1)
+    grid = _Lattice(wanted, 0)
+    nodes = grid.wanted()
+    checked = np.array([[p, i, j] for p, i, j in nodes])
+    go = checked[:, 2] < 2
+    rows = xr.Dataset(
+        {
+            "status": ("case", ["completed"] * len(nodes)),
+            "crossed": ("case", go.astype(float)),
+            "failure": ("case", np.where(go, 0.0, 5.0)),
+            "out_of_range": ("case", np.where(checked[:, 1] > 2, 1.0, 0.0)),
+        }
+    )
+    grid.fill(nodes, rows, 1)
+    fresh = {(i, j) for _, i, j in grid.refined().wanted()}
+    assert {(1, 3), (3, 3)} <= fresh  # in the middle of a border cell that counts
+    assert not any(i > 6 for i, _ in fresh)
+    assert not any(j > 4 or j < 2 for _, j in fresh)
+
+
+def test_same_draws_serve_every_node_and_members_take_turns():
+    networks = replace(QUICK, hydrodynamics="networks")
+    wanted = MobilityMap(Crossing(networks, BRIEF), draws=10)
+    factors = wanted._factors()
+    assert sorted(case["hydrodynamics.member"] for case in factors) == sorted(2 * list(range(5)))
+    one, other = (wanted._case({"soil": "LETE sand"}, x, y, factors[3]) for x, y in ((0.5, 0.4), (1.0, 0.6)))
+    assert one["soil.cohesion"] == other["soil.cohesion"]
+    assert one["water.current_speed"] / 0.5 == pytest.approx(other["water.current_speed"])
+    assert one["water.depth_ratio"] / 0.4 == pytest.approx(other["water.depth_ratio"] / 0.6)
+
+
+def test_bad_maps_are_refused_before_anything_runs():
+    with pytest.raises(ValueError, match="low"):
+        Axis("water.depth_ratio", 0.6, 0.4)
+    with pytest.raises(ValueError, match="panels"):
+        MobilityMap(Crossing(QUICK, BRIEF), panels={})
+    with pytest.raises(ValueError, match="not known"):
+        MobilityMap(Crossing(QUICK, BRIEF), scatter={"soil.cohesoin": Normal(1.0, 0.1)})
+    with pytest.raises(ValueError, match="no soil is called"):
+        MobilityMap(Crossing(QUICK, BRIEF), panels={"mud": {"soil": "mud of the moon"}})
+    with pytest.raises(ValueError, match=r"Limits\.window"):
+        Crossing(replace(QUICK, duration=1.0))
+    with pytest.raises(ValueError, match="stuck"):
+        Limits(stuck_speed=0.7)
