@@ -1,0 +1,1 @@
+"""The commands of `exumob`, a file each; `exumob/__main__.py` registers them."""

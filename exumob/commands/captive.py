@@ -1,0 +1,126 @@
+"""The command `exumob captive`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich import box
+from rich.table import Table
+
+from exumob.commands.shared import (
+    check_targets,
+    console,
+    fail,
+    simulated_time_bar,
+    vehicle_of,
+    whatever_was_computed,
+    write_result,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def captive_command(
+    speed: Annotated[float, typer.Option(help="Speed over ground, along the tank [m/s].")] = 1.0,
+    current: Annotated[float, typer.Option(help="Speed of the current [m/s].")] = 1.0,
+    current_direction: Annotated[
+        float, typer.Option(help="Where the flow goes, from the tank's axis, to the left [deg].")
+    ] = 180.0,
+    depth: Annotated[float, typer.Option(help="Depth of the water [m].")] = 0.12,
+    drift_angle: Annotated[
+        float, typer.Option(help="Course less heading [deg]; positive: the water meets the left side.")
+    ] = 0.0,
+    yaw_rate: Annotated[float, typer.Option(help="Turning of course and heading, to the left [deg/s].")] = 0.0,
+    steering: Annotated[float, typer.Option(help="Angle of the front wheels, to the left [deg].")] = 0.0,
+    wheel_speed: Annotated[float, typer.Option(help="Spin of the wheels [rad/s].")] = 0.0,
+    ramp_time: Annotated[
+        float, typer.Option(help="Time from drifting with the current to the prescribed motion [s].")
+    ] = 1.0,
+    vehicle: Annotated[
+        Path | None, typer.Option(help="Vehicle file (Python); default: the paper's 57 kg amphibious vehicle.")
+    ] = None,
+    cell_size: Annotated[float, typer.Option(help="Of the grid round the vehicle [m].")] = 0.018,
+    coarse: Annotated[
+        bool, typer.Option("--coarse", help="Accept cells too coarse for gaps and wheels: a quick look.")
+    ] = False,
+    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 3.0,
+    interval: Annotated[float, typer.Option(help="At which loads are recorded [s].")] = 1e-3,
+    threads: Annotated[int, typer.Option(help="Threads of the flow solver.")] = 1,
+    output: Annotated[Path | None, typer.Option(help="Write the result here (netCDF).")] = None,
+    figure: Annotated[Path | None, typer.Option(help="Draw loads and free surface here (.png, .pdf, .svg).")] = None,
+    animate: Annotated[Path | None, typer.Option(help="Animate the free surface here (.gif or .mp4).")] = None,
+    vtk: Annotated[
+        Path | None, typer.Option(help="Write fields for ParaView to this folder, 20 times a second.")
+    ] = None,
+) -> None:
+    """Tow a vehicle through water on a prescribed path and find the loads on its five bodies.
+
+    Example: exumob captive --speed 1 --current 1 --depth 0.12 --output run.nc --figure run.png
+    """
+    targets = {"--output": output, "--figure": figure, "--animate": animate}
+    try:
+        check_targets(targets)
+        from exumob.environment import Water
+        from exumob.flow import CaptiveMotion, FlowSettings, captive_run
+        from exumob.flow.vtk_files import VtkSeries
+
+        car = vehicle_of(vehicle)
+        water = Water(depth, current, math.radians(current_direction))
+        motion = CaptiveMotion(
+            speed=speed, drift_angle=math.radians(drift_angle), yaw_rate=math.radians(yaw_rate),
+            steering=math.radians(steering), wheel_speed=wheel_speed, ramp_time=ramp_time,
+        )  # fmt: skip
+        settings = FlowSettings(threads=threads)
+        series = VtkSeries(vtk, car) if vtk else None
+    except (ValueError, OSError, ImportError) as error:
+        fail(error)
+
+    with simulated_time_bar(duration) as advance:
+        result, code = whatever_was_computed(
+            lambda: captive_run(
+                car, water, motion, cell_size=cell_size, duration=duration, interval=interval, settings=settings,
+                snapshots=max(round(0.05 / interval), 1) * interval if figure or animate or vtk else None,
+                on_snapshot=series.add if series else None, allow_coarse=coarse, progress=advance,
+            ),
+            output,
+        )  # fmt: skip
+    _report(result, targets)
+    if series:
+        console.print(f"ParaView  {series.file}", highlight=False)
+    raise typer.Exit(code)
+
+
+def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
+    from exumob.flow.pictures import animate_surface, plot_captive
+
+    if result.sizes["time"] > 1:
+        _print_loads(result)
+    write_result(result, targets, plot_captive, animate_surface)
+
+
+def _print_loads(result: xr.Dataset) -> None:
+    from exumob.flow import captive_summary
+
+    loads = captive_summary(result)
+    table = Table(
+        title=f"{result.attrs['title'].removeprefix('exumob ')}, {result.attrs['status'].split(':')[0]}",
+        caption=f"mean ± standard deviation of the smoothed loads from {loads.attrs['from']:.2f} to "
+        f"{loads.attrs['to']:.2f} s, body axes [N, N m]; noise: of the raw about the smoothed loads; "
+        f"{result.attrs['wall_time']:.0f} s of computing",
+        box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0),
+    )  # fmt: skip
+    for column in ("body", "load"):
+        table.add_column(column, no_wrap=True)
+    for column in ("x", "y", "z", "noise"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for body in result["body"].values:
+        of = loads.sel(body=body)
+        for kind, name in (("force", body.replace("_", " ")), ("moment", "")):
+            mean, deviation, noise = (of[f"{kind}_{what}"].values for what in ("mean", "deviation", "noise"))
+            cells = [f"{m:.2f} ± {d:.2f}" for m, d in zip(mean, deviation, strict=True)]
+            table.add_row(name, kind, *cells, f"{math.hypot(*noise):.2f}")
+    console.print(table)

@@ -1,0 +1,146 @@
+"""What the commands share: consoles, errors, progress bars, checks of the files to write, writing them."""
+
+from __future__ import annotations
+
+import importlib
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+    from exumob.vehicle import Vehicle
+
+console = Console()
+errors = Console(stderr=True)
+
+
+@contextmanager
+def simulated_time_bar(
+    duration: float, before: str = "preparing", during: str = "towing", lead: float = 0.0
+) -> Iterator[Callable[[float], None]]:
+    """Bar with the time remaining; yields what takes the simulated time reached [s], from -lead on."""
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[now]:.2f} of {task.fields[end]:g} s"),
+        TimeRemainingColumn(), console=errors, transient=True,
+    ) as bar:  # fmt: skip
+        task = bar.add_task(before, total=duration + lead, now=-lead, end=duration)
+
+        def reached(time: float) -> None:
+            bar.update(
+                task, completed=time + lead, now=time, description=during if time > 0.0 else "developing the water"
+            )  # fmt: skip
+
+        yield reached
+
+
+@contextmanager
+def counting_bar(description: str, total: int, unit: str) -> Iterator[tuple[Progress, TaskID]]:
+    """Bar that counts what is finished, with the time remaining."""
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TextColumn(f"{{task.completed}} of {{task.total}} {unit}"),
+        TimeRemainingColumn(), console=errors, transient=True,
+    ) as bar:  # fmt: skip
+        yield bar, bar.add_task(description, total=total)
+
+
+def whatever_was_computed(run: Callable[[], xr.Dataset], output: Path | None) -> tuple[xr.Dataset, int]:
+    """Result of a run, whole or up to where it broke or was stopped, and the exit code that says which."""
+    from exumob.errors import SimulationError, SimulationInterrupted
+
+    try:
+        return run(), 0
+    except (ValueError, OSError, ImportError) as error:
+        fail(error)
+    except SimulationError as error:
+        if error.result is None:
+            fail(error)
+        errors.print(f"[red]{error}[/red]\nWhat was computed until then follows.", highlight=False)
+        if output is not None and error.state is not None:
+            import numpy as np
+
+            target = output.with_suffix(".state.npz")
+            np.savez(target, **error.state)
+            errors.print(f"Flow before the failed step (FlowSolver.restore): {target}", highlight=False, soft_wrap=True)
+        return error.result, 1
+    except SimulationInterrupted as stop:
+        errors.print(f"[yellow]{stop}[/yellow]; what was computed until then follows.", highlight=False)
+        return stop.result, 130
+
+
+def vehicle_of(file: Path | None) -> Vehicle:
+    """Of a vehicle file; the paper's without one."""
+    from exumob.vehicle import load_vehicle
+
+    if file is not None:
+        return load_vehicle(file)
+    paper: Vehicle = importlib.import_module("vehicle_models.amphibious").amphibious_vehicle()
+    return paper
+
+
+def fail(error: Exception) -> NoReturn:
+    """Say the error and leave with exit code 2."""
+    errors.print(f"[red]{error}[/red]", highlight=False, soft_wrap=True)
+    raise typer.Exit(2)
+
+
+def check_targets(targets: dict[str, Path | None]) -> None:
+    """Find out before the run that a file cannot be written after it.
+
+    Raises
+    ------
+    ValueError
+        If a folder is missing or cannot be written, or the ending of a picture or animation is not known.
+    """
+    for option, path in targets.items():
+        if path is None:
+            continue
+        if not path.parent.is_dir():
+            raise ValueError(f"{option} {path}: the folder {path.parent} does not exist; create it first.")
+        if path.is_dir():
+            raise ValueError(f"{option} {path}: this is a folder; give a file name.")
+        try:
+            with tempfile.TemporaryFile(dir=path.parent):
+                pass
+        except OSError as error:
+            raise ValueError(f"{option} {path}: the folder cannot be written ({error.strerror}).") from None
+    for option, endings in (("--figure", (".png", ".pdf", ".svg")), ("--animate", (".gif", ".mp4"))):
+        path = targets.get(option)
+        if path is not None and path.suffix not in endings:
+            known = ", ".join(endings[:-1]) + f" or {endings[-1]}"
+            raise ValueError(f"{option} {path}: the ending {path.suffix!r} is not known; use {known}.")
+
+
+def write_result(
+    result: xr.Dataset, targets: dict[str, Path | None], plot: Callable[[xr.Dataset], Figure],
+    animate: Callable[[xr.Dataset, Path], None],
+) -> None:  # fmt: skip
+    """Write the result, and draw it where that was asked for."""
+    from exumob.results import save_dataset
+
+    if targets["--output"]:
+        console.print(f"result    {save_dataset(result, targets['--output'])}", highlight=False)
+    if not (targets["--figure"] or targets["--animate"]):
+        return
+    if result.sizes["time"] < 3:
+        errors.print("[yellow]too little was computed to draw it[/yellow]")
+        return
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from exumob.plotting import save_figure
+
+    if targets["--figure"]:
+        console.print(f"figure    {save_figure(plot(result), targets['--figure'])}", highlight=False)
+    if targets["--animate"]:
+        with errors.status("drawing the animation"):
+            animate(result, targets["--animate"])
+        console.print(f"animation {targets['--animate']}", highlight=False)

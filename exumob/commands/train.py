@@ -1,0 +1,73 @@
+"""The command `exumob train`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from exumob.commands.shared import console, counting_bar, errors, fail, vehicle_of
+
+
+def train_command(
+    preset: Annotated[list[str] | None, typer.Option(help="What to train, by name; repeatable. Default: all.")] = None,
+    data: Annotated[Path, typer.Option(help="Folder of CFD-MBD runs (packed or imported, netCDF).")] = Path(
+        "data/cfd_mbd"
+    ),
+    seeds: Annotated[int, typer.Option(help="Networks of each body: seeds 0, 1, ...")] = 5,
+    output: Annotated[Path, typer.Option(help="Folder for the networks.")] = Path("networks"),
+    vehicle: Annotated[
+        Path | None, typer.Option(help="Vehicle file of the runs; default: the paper's 57 kg amphibious vehicle.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="Processes, one thread each.")] = 2,
+) -> None:
+    """Train networks for the water's loads from runs with the flow in the loop.
+
+    What is finished is kept at once; the same command goes on where it was stopped.
+
+    Example: exumob train --preset paper-lstm --seeds 5 --output networks
+    """
+    try:
+        from exumob.learning.presets import PRESETS
+        from exumob.learning.training import Progress, train, training_runs
+
+        wanted = list(dict.fromkeys(preset or PRESETS))
+        unknown = [name for name in wanted if name not in PRESETS]
+        if unknown:
+            raise ValueError(f"--preset {unknown[0]} is not known; use {', '.join(PRESETS)}.")
+        if seeds < 1 or jobs < 1:
+            raise ValueError(f"--seeds {seeds} and --jobs {jobs} must be at least 1.")
+        runs = training_runs(data)
+        car = vehicle_of(vehicle)
+        output.mkdir(parents=True, exist_ok=True)
+    except (ValueError, OSError) as error:
+        fail(error)
+    except ImportError as error:
+        fail(ImportError(f"{error}; training needs torch: pip install 'exumob[train]'"))
+
+    with counting_bar("training", 5 * seeds * len(wanted), "networks") as (bar, task):
+
+        def told(step: Progress) -> None:
+            name = f"{step.preset}, seed {step.seed}, {step.body}"
+            bar.update(task, description=f"{name}: epoch {step.epoch}, {step.loss:.4f}", advance=1 if step.done else 0)
+            if step.done:
+                console.print(f"{name}: {step.epoch} epochs, held-back error {step.loss:.4f}", highlight=False)
+
+        try:
+            files = train([PRESETS[n] for n in wanted], runs, car, output, seeds=range(seeds), jobs=jobs, told=told)
+        except (ValueError, RuntimeError) as error:
+            fail(error)
+        except KeyboardInterrupt:
+            errors.print(f"Stopped; the same command goes on with {output}.", highlight=False)
+            raise typer.Exit(130) from None
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from exumob.hydrodynamics.networks import NetworkSet
+    from exumob.plotting import plot_learning_curves, save_figure
+
+    for name in wanted:
+        sets = [NetworkSet.load(file) for (preset_name, _), file in files.items() if preset_name == name]
+        curves = save_figure(plot_learning_curves(sets), output / f"{name}_curves.png")
+        console.print(f"{name}: {len(sets)} files in {output}, learning curves {curves}", highlight=False)
