@@ -1,4 +1,4 @@
-"""Can it cross? One run through water, judged as a planner would: go or no go, how fast, how far off, and what fails."""
+"""Can it cross? One run through water, judged as a planner would: go or no go, how fast, how far off, what fails."""
 
 from __future__ import annotations
 

@@ -7,12 +7,12 @@ is refined where the verdict changes: a level halves the cells that go and no-go
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -22,10 +22,9 @@ from exumob.checks import require_within
 from exumob.crossing import FAILURES, Crossing
 from exumob.provenance import parameters_json, provenance
 from exumob.results import save_dataset
-from exumob.sweeps import runner
+from exumob.states import Array
 from exumob.sweeps.runner import Progress, sweep
 from exumob.sweeps.sampling import Case, Choice, Distribution, LogNormal, Normal, sample
-from exumob.states import Array
 
 MEASURES = ("crossed", "speed", "drift", "slip", "power", "wheel_load", "tilt", "out_of_range")
 CONFIDENCE = 0.95
@@ -140,8 +139,8 @@ def compute_map(
     Returns
     -------
     xarray.Dataset
-        Dims (panel, y, x): probability, probability_low, probability_high (Wilson); means of what `judge` gives; failure
-        (the most frequent of those that failed, index of `FAILURES`); runs (0: interpolated). Attribute
+        Dims (panel, y, x): probability, probability_low, probability_high (Wilson); means of what `judge` gives;
+        failure (the most frequent of those that failed, index of `FAILURES`); runs (0: interpolated). Attribute
         ``computed_share``: of the nodes.
     """
     place = Path(folder)
@@ -155,9 +154,9 @@ def compute_map(
                 for p, i, j in nodes for draw in factors
             ]  # fmt: skip
             name = "full" if full else f"level{level}"
+            told = None if progress is None else functools.partial(progress, name)
             rows = sweep(
-                wanted.crossing, cases, place / name, workers=workers, time_limit=time_limit,
-                progress=None if progress is None else lambda reached, name=name: progress(name, reached),
+                wanted.crossing, cases, place / name, workers=workers, time_limit=time_limit, progress=told
             )  # fmt: skip
             grid.fill(nodes, rows, len(factors))
         if full or level == wanted.levels:
@@ -243,7 +242,8 @@ class _Lattice:
             bounds = binomtest(round(self.values["crossed"][n] * runs), runs).proportion_ci(CONFIDENCE, "wilson")
             low[n], high[n] = bounds.low, bounds.high
         texts = {
-            "speed": ("m s-1", "speed ahead"), "drift": ("m", "to the left over the width"), "slip": ("1", "slip ratio"),
+            "speed": ("m s-1", "speed ahead"), "drift": ("m", "to the left over the width"),
+            "slip": ("1", "slip ratio"),
             "power": ("W", "power at the wheels"), "wheel_load": ("1", "share of the weight on the wheels"),
             "tilt": ("rad", "largest roll or pitch"), "out_of_range": ("1", "share of the time out of range"),
         }  # fmt: skip

@@ -114,7 +114,8 @@ class MultibodyVehicle:
         """Build the system at ride height on the terrain."""
         self.vehicle = vehicle
         self.maneuver = maneuver
-        self._driver: Driver | None = None  # while driving a maneuver with feedback
+        self._feedback = maneuver if isinstance(maneuver, FeedbackManeuver) else None
+        self._driver: Driver | None = None  # of a maneuver with feedback, while driving
         self._looks = 0
         self.micro_step = micro_step
         self.model = load_model(vehicle, soil, terrain, standstill_rate)
@@ -343,8 +344,7 @@ class MultibodyVehicle:
         self._driving = driving
         self.ledger[:] = 0
         self._samples = self._rows = self._looks = 0
-        feedback = driving and isinstance(self.maneuver, FeedbackManeuver)
-        self._driver = self.maneuver.driver(self.vehicle) if feedback else None
+        self._driver = self._feedback.driver(self.vehicle) if self._feedback and driving else None
         self._solver = exu.MainSolverImplicitSecondOrder()
         data = self.mbs.systemData
         data.SetTime(0.0)
@@ -420,7 +420,7 @@ class MultibodyVehicle:
 
     def _look(self, time: float) -> None:
         """Let the driver of a maneuver with feedback see the vehicle, if it is time to."""
-        if self._driver is not None and time >= self._looks * self.maneuver.control_step - 1e-9:
+        if self._feedback and self._driver and time >= self._looks * self._feedback.control_step - 1e-9:
             self._driver.observe(self.present())
             self._looks += 1
 

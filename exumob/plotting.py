@@ -14,7 +14,8 @@ from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch, Polygon
 
 from exumob.hydrodynamics.networks import NetworkSet
 from exumob.states import BODIES, WHEELS, Array
@@ -342,6 +343,61 @@ def plot_learning_curves(networks: Sequence[NetworkSet]) -> Figure:
         axes.set(title=name.replace("_", " "), xlabel="epoch")
     rows[0].set_ylabel("mean square error, scaled loads [-]")
     rows[-1].legend(title="held back", fontsize="x-small", title_fontsize="x-small")
+    return figure
+
+
+AXIS_NAMES = {
+    "water.current_speed": "current [m/s]", "water.depth_ratio": "depth over tyre diameter", "water.depth": "depth [m]",
+}  # fmt: skip
+"""Of maps, in words."""
+FAILURE_COLORS = ("none", "0.25", "C0", "C4", "C5", "C3", "C1", "C6", "0.6")
+"""By index of `exumob.crossing.FAILURES`."""
+
+
+def plot_map(mapped: xr.Dataset) -> Figure:
+    """Chance to cross (colours, border lines), speed ahead (thin lines), failures (dots) of a mobility map.
+
+    Parameters
+    ----------
+    mapped : xarray.Dataset
+        Of `exumob.mobility.compute_map`. Where the networks' answer does not count the map is hatched, not coloured.
+    """
+    panels = mapped["panel"].values
+    failures = mapped.attrs["failures"].split(", ")
+    with plt.rc_context(STYLE | {"axes.grid": False}):
+        figure, rows = plt.subplots(
+            1, len(panels), figsize=(1.0 + 4.2 * len(panels), 4.2), sharey=True, layout="constrained", squeeze=False
+        )
+        named: set[int] = set()
+        for axes, panel in zip(rows[0], panels, strict=True):
+            at = mapped.sel(panel=panel)
+            x, y = at["x"].values, at["y"].values
+            unknown = at["out_of_range"].values > mapped.attrs["range_share"]
+            chance = np.ma.masked_where(unknown, at["probability"].values)
+            drawn = axes.contourf(x, y, chance, np.linspace(0.0, 1.0, 11), cmap="RdYlBu", alpha=0.85)
+            hatch = np.where(unknown, 1.0, 0.0)
+            axes.contourf(x, y, hatch, [0.5, 1.5], colors="none", hatches=["////"])
+            axes.contour(x, y, hatch, [0.5], colors="0.5", linewidths=0.8)
+            if chance.count() and chance.min() < 0.5 < chance.max():
+                lines = axes.contour(x, y, chance, [0.1, 0.5, 0.9], colors="k", linewidths=[0.8, 2.0, 0.8])
+                axes.clabel(lines, fmt=lambda p: f"{100.0 * p:.0f} %", fontsize=8)
+            speed = np.ma.masked_invalid(at["speed"].values)
+            thin = axes.contour(x, y, speed, colors="0.35", linewidths=0.6, linestyles=":")
+            axes.clabel(thin, fmt="%.1f m/s", fontsize=7)
+            computed = (at["runs"].values > 0) & (at["failure"].values > 0)
+            for kind in np.unique(at["failure"].values[computed]):
+                i, j = np.nonzero(computed & (at["failure"].values == kind))
+                named.add(int(kind))
+                axes.plot(x[j], y[i], ".", color=FAILURE_COLORS[kind], ms=4)
+            axes.set(title=panel, xlabel=AXIS_NAMES.get(mapped.attrs["x"], mapped.attrs["x"]))
+        rows[0, 0].set(ylabel=AXIS_NAMES.get(mapped.attrs["y"], mapped.attrs["y"]))
+        keys: list[Artist] = [
+            Line2D([], [], color=FAILURE_COLORS[k], marker=".", ls="", label=failures[k]) for k in sorted(named)
+        ]
+        keys.append(Patch(facecolor="none", edgecolor="k", hatch="////", label="outside the training range"))
+        figure.legend(handles=keys, loc="outside lower center", ncols=len(keys))
+        bar = figure.colorbar(drawn, ax=list(rows[0]), shrink=0.9)  # the same levels in all
+        bar.set_label(f"chance to cross ({mapped.attrs['least_speed']:.2g} m/s at least)")
     return figure
 
 

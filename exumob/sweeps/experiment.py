@@ -33,10 +33,10 @@ class Experiment:
     """One lane change, or another maneuver, ready to be run; calling it with values by name runs the changed one.
 
     Names: those of `Vehicle` and its parts (``hull.mass``, ``wheelbase``), ``soil`` (a published name) and
-    ``soil.<field>``, ``water.<field>`` and ``water.depth_ratio`` (over the tyre's diameter; 0: no water),
-    ``maneuver`` (one of `MANEUVERS`) and ``maneuver.<field>``, ``hydrodynamics`` (`MODELS`), ``hydrodynamics.member`` (one network of the ensemble, by
-    number), ``hydrodynamics.<field>`` of the coefficients, and ``duration``, ``micro_step``, ``macro_step``,
-    ``record_step``.
+    ``soil.<field>``, ``water.<field>`` and ``water.depth_ratio`` (over the tyre's diameter; 0: no water), ``maneuver``
+    (one of `MANEUVERS`) and ``maneuver.<field>``, ``hydrodynamics`` (`MODELS`), ``hydrodynamics.member`` (one network
+    of the ensemble, by number), ``hydrodynamics.<field>`` of the coefficients, and ``duration``, ``micro_step``,
+    ``macro_step``, ``record_step``.
     """
 
     vehicle: Vehicle

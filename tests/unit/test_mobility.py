@@ -1,4 +1,4 @@
-"""Mobility maps: verdicts on single runs, refinement along a known border, confidence, scatter, what lies out of range."""
+"""Mobility maps: verdicts on single runs, refinement along a known border, confidence, scatter, range."""
 
 import math
 from dataclasses import dataclass, replace
