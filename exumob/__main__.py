@@ -1,4 +1,4 @@
-"""The command line: `exumob lane-change`, `captive`, `train`, `sweep`, `export`, `soils` and `verify`."""
+"""The command line: `exumob lane-change`, `captive`, `train`, `sweep`, `map`, `export`, `soils` and `verify`."""
 
 import logging
 
@@ -8,6 +8,7 @@ from rich.logging import RichHandler
 from exumob.commands.captive import captive_command
 from exumob.commands.export import export_command
 from exumob.commands.lane_change import lane_change_command
+from exumob.commands.map import map_command
 from exumob.commands.shared import errors
 from exumob.commands.soils import soils_command
 from exumob.commands.sweep import sweep_command
@@ -34,6 +35,7 @@ app.command("lane-change")(lane_change_command)
 app.command("captive")(captive_command)
 app.command("train")(train_command)
 app.command("sweep")(sweep_command)
+app.command("map")(map_command)
 app.command("export")(export_command)
 app.command("soils")(soils_command)
 app.command("verify")(verify_command)

@@ -1,0 +1,109 @@
+"""The command `exumob map`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from exumob.commands.shared import check_targets, console, counting_bar, errors, fail
+
+
+def map_command(
+    depth: Annotated[str, typer.Option(help="Depth over tyre diameter, from:to.")] = "0.36:0.64",
+    current: Annotated[str, typer.Option(help="Speed of the head current [m/s], from:to.")] = "0:1.2",
+    current_direction: Annotated[
+        float, typer.Option(help="Where the flow goes, from the heading, to the left [deg].")
+    ] = 180.0,
+    soil: Annotated[
+        list[str] | None, typer.Option(help="A published soil; repeatable: maps side by side. Default: LETE sand.")
+    ] = None,
+    vehicle: Annotated[
+        Path | None, typer.Option(help="Vehicle file (Python); default: the paper's 57 kg amphibious vehicle.")
+    ] = None,
+    hydrodynamics: Annotated[str, typer.Option(help="networks or coefficients.")] = "networks",
+    width: Annotated[float, typer.Option(help="Of the water to cross [m].")] = 12.0,
+    time: Annotated[float, typer.Option(help="In which it must be crossed [s].")] = 20.0,
+    drift: Annotated[float, typer.Option(help="Largest drift to either side over the width [m].")] = 1.0,
+    cells: Annotated[int, typer.Option(help="Cells of the first level along each axis.")] = 4,
+    levels: Annotated[int, typer.Option(help="Times that the border between go and no-go is refined.")] = 1,
+    draws: Annotated[
+        int, typer.Option(help="Runs at a node, over scatter of soil and water and the networks; 1: no scatter.")
+    ] = 10,
+    seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
+    workers: Annotated[int, typer.Option(help="Processes.")] = 2,
+    output: Annotated[Path, typer.Option(help="Folder of the map; the same command goes on with it.")] = Path("map"),
+    figure: Annotated[Path | None, typer.Option(help="Draw the map here (.png, .pdf, .svg).")] = None,
+    csv: Annotated[Path | None, typer.Option(help="Write the nodes here as a table (.csv).")] = None,
+) -> None:
+    """Map where the vehicle can cross, with the chance that it does, over depth, current and soil.
+
+    The vehicle drives straight ahead for 4 s and is judged over the last 1.5 s: speed, drift, footing, attitude. Nodes
+    outside the networks' training range are hatched. What is done is kept, and the same command goes on.
+
+    Example: exumob map --depth 0.4:0.6 --current 0:1 --draws 10 --levels 1 --figure map.png
+    """
+    from dataclasses import replace
+
+    from exumob.crossing import Crossing, Limits
+    from exumob.mobility import SCATTER, Axis, MobilityMap, compute_map
+    from exumob.sweeps.experiment import amphibious_crossing
+    from exumob.sweeps.runner import Progress
+    from exumob.vehicle import load_vehicle
+
+    try:
+        check_targets({"--figure": figure, "--csv": csv})
+        experiment = replace(amphibious_crossing(), duration=4.0, micro_step=1e-3, hydrodynamics=hydrodynamics)
+        if vehicle is not None:
+            experiment = replace(experiment, vehicle=load_vehicle(vehicle))
+        experiment = experiment.with_values({"water.current_direction": math.radians(current_direction)})
+        experiment.check()
+        wanted = MobilityMap(
+            Crossing(experiment, Limits(width=width, time=time, drift=drift, window=1.5)),
+            Axis("water.current_speed", *_span("--current", current), cells),
+            Axis("water.depth_ratio", *_span("--depth", depth), cells),
+            {name: {"soil": name} for name in soil or ["LETE sand"]},
+            scatter=SCATTER if draws > 1 else {}, draws=draws, levels=levels, seed=seed,
+        )  # fmt: skip
+        with counting_bar("map", 1, "runs") as (bar, task):
+
+            def told(level: str, reached: Progress) -> None:
+                bar.update(task, description=level, completed=reached.done, total=reached.total)
+
+            result = compute_map(wanted, output, workers=workers, progress=told)
+    except (ValueError, RuntimeError, OSError) as error:
+        fail(error)
+    except KeyboardInterrupt:
+        errors.print(f"Stopped; the same command goes on with {output}.", highlight=False)
+        raise typer.Exit(130) from None
+    for panel in result["panel"].values:
+        at = result.sel(panel=panel)
+        known = at["out_of_range"] <= wanted.crossing.limits.range_share
+        go = (at["probability"] >= 0.5) & known
+        console.print(
+            f"{panel}: go at {int(go.sum())}, no go at {int((known & ~go).sum())}, outside the training range at "
+            f"{int((~known).sum())} of {go.size} nodes",
+            highlight=False,
+        )
+    console.print(f"result    {output / 'map.nc'}", highlight=False)
+    if csv is not None:
+        result.to_dataframe().to_csv(csv)
+        console.print(f"table     {csv}", highlight=False)
+    if figure is not None:
+        import matplotlib
+
+        matplotlib.use("Agg")
+        from exumob.plotting import plot_map, save_figure
+
+        console.print(f"figure    {save_figure(plot_map(result), figure)}", highlight=False)
+
+
+def _span(option: str, text: str) -> tuple[float, float]:
+    """Two numbers."""
+    low, _, high = text.partition(":")
+    try:
+        return float(low), float(high)
+    except ValueError:
+        raise ValueError(f"{option} {text}: write from:to, such as 0.4:0.6.") from None
