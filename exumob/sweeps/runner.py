@@ -438,6 +438,8 @@ def _pool(store: _Store, numbers: list[int], workers: int, leader: int) -> None:
         os.setpgrp()
     threading.Thread(target=_end_with, args=(leader,), daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the leader ends us
+    if sys.platform == "linux":  # forked: no second start-up, and no named semaphores that a kill would leave behind
+        multiprocessing.set_start_method("fork", force=True)
     from exudyn.processing import ProcessParameterList
 
     ProcessParameterList(

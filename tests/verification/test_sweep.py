@@ -134,7 +134,8 @@ if __name__ == "__main__":
 def start(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT.format(here=str(HERE), marks=str(tmp_path)))
-    return subprocess.Popen([sys.executable, script], cwd=HERE)
+    with (tmp_path / "errors").open("w") as errors:
+        return subprocess.Popen([sys.executable, script], cwd=HERE, stderr=errors)
 
 
 def wait_for(tmp_path, count, seconds=60.0):
@@ -180,7 +181,9 @@ def test_killed_worker_is_replaced(tmp_path):
     assert running.wait(60.0) == 0
     with load_dataset(tmp_path / "sweep" / "sweep.nc") as result:
         assert set(result["status"].values) == {"completed"} and result.sizes["case"] == 20
-    assert sum(len((tmp_path / f"ran_{n}").read_text()) for n in range(20)) <= 20 + 2
+    assert sum(len((tmp_path / f"ran_{n}").read_text()) for n in range(20)) <= 20 + 3  # the lost one, two in hand
+    if sys.platform == "linux":
+        assert (tmp_path / "errors").read_text() == ""  # of semaphores left behind, for one
 
 
 def test_lane_changes_by_command(tmp_path):
