@@ -13,7 +13,6 @@ Run: python studies/ablation.py --networks networks
 import argparse
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from scipy import stats
@@ -24,7 +23,7 @@ from exumob.hydrodynamics.networks import NetworkSet
 from exumob.learning.dataset import body_states, load_runs, water_of
 from exumob.learning.evaluation import THINNING, compare
 from exumob.learning.report import MEASURES, markdown, plot_paths
-from exumob.plotting import STYLE, save_figure
+from exumob.plotting import save_figure
 from exumob.results import save_dataset
 from exumob.scenarios import UNSEEN
 from exumob.states import BODIES
@@ -80,11 +79,7 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> tuple[xr.Dat
     share = np.array([np.mean([memory_share(n, run) for run in references.values()], axis=0) for n in sets])
     if not quick:
         FIGURES.mkdir(exist_ok=True)
-        with plt.rc_context(STYLE):
-            figure, panels = plt.subplots(3, 1, figsize=(9.0, 10.0), sharex=True, layout="constrained")
-            for axes, model in zip(panels, MODELS, strict=True):
-                plot_paths(axes, runs, references, model)
-        save_figure(figure, FIGURES / "ablation_paths.png")
+        save_figure(plot_paths(runs, references, MODELS), FIGURES / "ablation_paths.png")
         save_dataset(table, FIGURES / "ablation.nc")
     return table, share
 

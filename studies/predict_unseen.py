@@ -82,10 +82,7 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
     if quick:
         return table
     FIGURES.mkdir(exist_ok=True)
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(9.0, 3.6), layout="constrained")
-        plot_paths(axes, runs, references, ENSEMBLE)
-    save_figure(figure, FIGURES / "unseen_paths.png")
+    save_figure(plot_paths(runs, references, [ENSEMBLE]), FIGURES / "unseen_paths.png")
     save_figure(motions(runs, references, ENSEMBLE), FIGURES / "unseen_motions.png")
     save_figure(hull_loads(runs, references, ENSEMBLE), FIGURES / "unseen_hull_loads.png")
     save_dataset(table, FIGURES / "predict_unseen.nc")

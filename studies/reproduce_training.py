@@ -72,11 +72,7 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> tuple[xr.Dat
     held = held_back(networks, references)
     FIGURES.mkdir(exist_ok=True)
     save_figure(plan(), FIGURES / "training_plan.png")
-    with plt.rc_context(STYLE):
-        figure, panels = plt.subplots(2, 1, figsize=(9.0, 7.0), sharex=True, layout="constrained")
-        for axes, model in zip(panels, ("paper-lstm", ENSEMBLE), strict=True):
-            plot_paths(axes, runs, references, model)
-    save_figure(figure, FIGURES / "training_paths.png")
+    save_figure(plot_paths(runs, references, ("paper-lstm", ENSEMBLE)), FIGURES / "training_paths.png")
     save_dataset(table, FIGURES / "reproduce_training.nc")
     save_dataset(held, FIGURES / "held_back.nc")
     return table, held

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, SurrogateHydrodynamics
 from exumob.hydrodynamics.surrogate import shipped_networks
 from exumob.learning.presets import BEST, PRESETS
+from exumob.plotting import STYLE
 from exumob.states import Array
 
 ENSEMBLE = f"{BEST}, ensemble"
@@ -40,16 +42,22 @@ def models(folder: Path, presets: Sequence[str] = tuple(PRESETS)) -> dict[str, l
 
 
 def plot_paths(
-    axes: Axes, runs: Mapping[tuple[str, str], Sequence[xr.Dataset]], references: Mapping[str, xr.Dataset], model: str
-) -> None:
-    """Trajectories (paper Figs. 11, 12, 15): CFD-MBD dashed, a solid line for each member."""
-    for n, (scenario, reference) in enumerate(references.items()):
-        axes.plot(*_track(reference), color=f"C{n}", ls="--", lw=1.6)
-        for k, run in enumerate(runs[model, scenario]):
-            axes.plot(*_track(run), color=f"C{n}", lw=1.0, alpha=0.8, label=None if k else scenario)
-    axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{model} (dashed: CFD-MBD)")
-    axes.set_ylim(-0.15, 1.05)
-    axes.legend(loc="upper left", ncols=2 if len(references) < 6 else 3, fontsize="small")
+    runs: Mapping[tuple[str, str], Sequence[xr.Dataset]], references: Mapping[str, xr.Dataset], models: Sequence[str]
+) -> Figure:
+    """Trajectories, a panel for each model (paper Figs. 11, 12, 15): CFD-MBD dashed, a solid line for each member."""
+    with plt.rc_context(STYLE):
+        figure, panels = plt.subplots(
+            len(models), 1, figsize=(9.0, 0.4 + 3.2 * len(models)), sharex=True, squeeze=False, layout="constrained"
+        )
+        for axes, model in zip(panels.flat, models, strict=True):
+            for n, (scenario, reference) in enumerate(references.items()):
+                axes.plot(*_track(reference), color=f"C{n}", ls="--", lw=1.6)
+                for k, run in enumerate(runs[model, scenario]):
+                    axes.plot(*_track(run), color=f"C{n}", lw=1.0, alpha=0.8, label=None if k else scenario)
+            axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{model} (dashed: CFD-MBD)")
+            axes.set_ylim(-0.15, 1.05)
+            axes.legend(loc="upper left", ncols=2 if len(references) < 6 else 3, fontsize="small")
+    return figure
 
 
 def markdown(table: xr.Dataset) -> str:

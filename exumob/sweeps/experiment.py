@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from operator import attrgetter
 from typing import Any, TypeVar, cast
@@ -80,12 +80,7 @@ class Experiment:
         ValueError
             If a name is not known, or a value is refused by what it belongs to.
         """
-        known = self.names()
-        for name in values:
-            if name not in known:
-                near = difflib.get_close_matches(name, known, 3, 0.5)
-                hint = f"did you mean {' or '.join(near)}?" if near else f"use one of {', '.join(known)}."
-                raise ValueError(f"parameter {name!r} is not known; {hint}")
+        self.check_names(values)
         changed = self
         for name in sorted(values, key=lambda n: (n.count("."), n == "water.depth_ratio", n)):
             changed = changed._with(name, values[name])
@@ -93,8 +88,7 @@ class Experiment:
 
     def value(self, name: str) -> Any:
         """The value that a name has now; of ``water.<field>`` that of the default water if there is none."""
-        if name not in self.names():
-            self.with_values({name: None})
+        self.check_names([name])
         owner, _, rest = name.partition(".")
         if name == "water.depth_ratio":
             return 0.0 if self.water is None else self.water.depth / self.vehicle.wheel.diameter
@@ -106,6 +100,21 @@ class Experiment:
             "soil": self.soil, "water": self._wet(), "maneuver": self.maneuver, "hydrodynamics": self.coefficients,
         }  # fmt: skip
         return attrgetter(rest)(owners[owner]) if owner in owners else attrgetter(name)(self.vehicle)
+
+    def check_names(self, names: Iterable[str]) -> None:
+        """Raise ValueError if a name is not known."""
+        known = self.names()
+        for name in names:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, 3, 0.5)
+                hint = f"did you mean {' or '.join(near)}?" if near else f"use one of {', '.join(known)}."
+                raise ValueError(f"parameter {name!r} is not known; {hint}")
+
+    def check_values(self, name: str, values: Iterable[Any]) -> None:
+        """Raise ValueError if a value, set by itself, is refused; many are looked at faster than by `with_values`."""
+        self.check_names([name])
+        for value in values:
+            self._with(name, value)
 
     def _with(self, name: str, value: Any) -> Experiment:
         owner, _, rest = name.partition(".")

@@ -12,12 +12,15 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
 import hashlib
+import inspect
 import json
 import math
 import multiprocessing
 import os
 import pickle
+import re
 import signal
 import socket
 import sys
@@ -25,6 +28,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +49,8 @@ ATTEMPTS = 2
 """Times that a case may take its process with it until it is given up as ``killed``."""
 POLL = 0.2
 """Interval at which the pool is looked at [s]."""
+LOOKED_AT = 50_000
+"""Values of the cases that are looked at before anything runs; about a second."""
 
 Function = Callable[[Case], "xr.Dataset | Mapping[str, float]"]
 
@@ -75,7 +81,8 @@ def sweep(
     ----------
     function : callable
         Takes the values of a case by name; returns a Dataset of `simulate` (its `summary` is gathered) or numbers by
-        name. An `Experiment`, or any function that can be pickled, of an importable module.
+        name. An `Experiment`, or any function that can be pickled, of an importable module. When its source has
+        changed (its own, not that of what it calls), the folder's results are not mixed with new ones.
     cases : sequence of dict
         Of `grid`, `sample` or your own; all with the same names.
     folder : path
@@ -137,15 +144,24 @@ def sweep(
 
 
 def _check_cases(experiment: Experiment, cases: Sequence[Case]) -> None:
-    """Every name, and every value that is met the first time; what only some combinations forbid becomes a row."""
-    seen: set[tuple[str, Any]] = set()
-    for case in cases:
-        for name, value in case.items():
-            if (name, value) not in seen:
-                seen.add((name, value))
-                if len(seen) <= 1000:
-                    experiment.with_values({name: value})
+    """Every name and every distinct value by itself; what only some combinations forbid becomes a row.
+
+    Of more than `LOOKED_AT` values evenly chosen ones, the smallest and the largest number of each name among them.
+    """
+    distinct = {name: _sorted_numbers(dict.fromkeys(case[name] for case in cases)) for name in cases[0]}
+    number = sum(map(len, distinct.values()))
+    for name, values in distinct.items():
+        share = len(values) if number <= LOOKED_AT else max(2, LOOKED_AT * len(values) // number)
+        chosen = np.unique(np.linspace(0, len(values) - 1, share).round().astype(int))
+        experiment.check_values(name, [values[n] for n in chosen])
     experiment.with_values(cases[0]).check()
+
+
+def _sorted_numbers(values: Iterable[Any]) -> list[Any]:
+    """Sorted, nan first, if all are numbers; as they are, if not."""
+    found = list(values)
+    numbers = all(isinstance(value, Real) for value in found)
+    return sorted(found, key=lambda value: (value == value, value)) if numbers else found
 
 
 # -- what is kept ------------------------------------------------------------------------------------------------------
@@ -179,24 +195,29 @@ class _Store:
         self.folder, self.function, self.cases, self.names = folder, function, list(cases), names
         self.time_limit, self.keep_runs = time_limit, keep_runs
 
-    def description(self) -> str:
-        """What makes two sweeps the same: the function and the cases."""
-        function = self.function
-        of = repr(function) if isinstance(function, Experiment) else getattr(function, "__qualname__", repr(function))
-        cases = hashlib.sha256(json.dumps(self.cases, default=str).encode()).hexdigest()[:16]
-        return json.dumps({"function": of, "cases": cases, "number": len(self.cases)})
+    def description(self) -> dict[str, Any]:
+        """What makes two sweeps the same: the function, its source and the cases."""
+        name, source = identity(self.function)
+        cases = json.dumps(self.cases, default=str)
+        return {"function": name, "source": _digest(source), "cases": _digest(cases), "number": len(self.cases)}
 
     def prepare(self, again: Sequence[str]) -> None:
         """Make the folders, or check that they hold this sweep; forget what is to be run again."""
         for name in ("cases", "begun", *(["runs"] if self.keep_runs else [])):
             (self.folder / name).mkdir(parents=True, exist_ok=True)
         said, mine = self.folder / "sweep.json", self.description()
-        if said.exists() and said.read_text() != mine:
+        theirs = json.loads(said.read_text()) if said.exists() else mine
+        changed = [name for name, value in mine.items() if theirs.get(name) != value]
+        if changed == ["source"]:
             raise ValueError(
-                f"{self.folder} holds another sweep (another experiment, or other cases); give another folder, or "
-                "remove it."
+                f"{self.folder} holds results of {mine['function']} as it was before its source was changed; give "
+                f"another folder, or remove it. If the change moves no result, remove {said} alone: what has ended is "
+                "kept."
             )
-        _write(said, mine)
+        if changed:
+            what = "another experiment or function" if "function" in changed else "other cases"
+            raise ValueError(f"{self.folder} holds another sweep ({what}); give another folder, or remove it.")
+        write_whole(said, json.dumps(mine))
         for number in sorted(self.ended()) if again else ():
             if self.read(number)["status"] in again:
                 self._file(number).unlink()
@@ -220,7 +241,7 @@ class _Store:
         with contextlib.suppress(OSError, ValueError):
             before = int(json.loads(file.read_text())["attempt"])
         mine = {"pid": os.getpid(), "host": socket.gethostname(), "at": time.time(), "attempt": before + 1, "mpi": mpi}
-        _write(file, json.dumps(mine))
+        write_whole(file, json.dumps(mine))
         return before
 
     def forget_begun(self, numbers: Iterable[int]) -> None:
@@ -242,7 +263,7 @@ class _Store:
             "parameters": self.cases[number], "status": status, "reason": reason, "wall_time": wall,
             "values": {name: float(value) for name, value in values.items()},
         }  # fmt: skip
-        _write(self._file(number), json.dumps(row, default=str))
+        write_whole(self._file(number), json.dumps(row, default=str))
         (self.folder / "begun" / f"{number}.json").unlink(missing_ok=True)
 
     def read(self, number: int) -> dict[str, Any]:
@@ -287,7 +308,39 @@ class _Store:
         )
 
 
-def _write(file: Path, text: str) -> None:
+def identity(function: Any) -> tuple[str, str]:
+    """Name of a function with what it is bound to, and its source; what it calls is not looked at."""
+    if isinstance(function, Experiment):
+        return repr(function), ""
+    if isinstance(function, functools.partial):
+        name, source = identity(function.func)
+        return f"partial({name}, {_said(function.args)}, {_said(function.keywords)})", source
+    if inspect.ismethod(function):
+        return f"{function.__qualname__} of {_said(function.__self__)}", _source(function)
+    if hasattr(function, "__qualname__"):
+        return function.__qualname__, _source(function)
+    return f"{_said(function)} {_said(getattr(function, '__dict__', ''))}", _source(type(function))
+
+
+def _source(thing: Any) -> str:
+    """Of a function or class; of its whole module where Python does not find it; empty if there is none."""
+    with contextlib.suppress(OSError, TypeError):
+        return inspect.getsource(thing)
+    with contextlib.suppress(OSError, TypeError):
+        return Path(inspect.getfile(sys.modules.get(getattr(thing, "__module__", ""), thing))).read_text("utf-8")
+    return ""
+
+
+def _said(thing: Any) -> str:
+    """Its repr, without addresses: those change from run to run."""
+    return re.sub(r" at 0x[0-9a-fA-F]+", "", repr(thing))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def write_whole(file: Path, text: str) -> None:
     """Whole or not at all."""
     partial = file.with_name(f".{file.name}.{os.getpid()}")
     partial.write_text(text)
@@ -438,6 +491,8 @@ def _pool(store: _Store, numbers: list[int], workers: int, leader: int) -> None:
         os.setpgrp()
     threading.Thread(target=_end_with, args=(leader,), daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the leader ends us
+    if sys.platform == "linux":  # forked: no second start-up, and no named semaphores that a kill would leave behind
+        multiprocessing.set_start_method("fork", force=True)
     from exudyn.processing import ProcessParameterList
 
     ProcessParameterList(
