@@ -3,5 +3,9 @@
 from exumob.sweeps.experiment import Experiment
 from exumob.sweeps.runner import sweep
 from exumob.sweeps.sampling import Choice, LogNormal, Normal, Triangular, Uniform, as_grid, grid, sample
+from exumob.sweeps.tuning import Tuned, tune
 
-__all__ = ["Choice", "Experiment", "LogNormal", "Normal", "Triangular", "Uniform", "as_grid", "grid", "sample", "sweep"]
+__all__ = [
+    "Choice", "Experiment", "LogNormal", "Normal", "Triangular", "Tuned", "Uniform", "as_grid", "grid", "sample",
+    "sweep", "tune",
+]  # fmt: skip

@@ -406,3 +406,36 @@ def test_vehicle_that_the_networks_do_not_know_gets_the_coefficient_model(tmp_pa
     assert answer.exit_code == 0, answer.output
     assert re.search("coefficient model of the water: .* they were trained with", plain(answer.output))
     assert load_dataset(tmp_path / "run.nc").attrs["hydrodynamics"] == "CoefficientHydrodynamics"
+
+
+# -- maps --------------------------------------------------------------------------------------------------------------
+
+
+def test_map_is_computed_drawn_and_written_as_a_table(tmp_path):
+    options = "--hydrodynamics", "coefficients", "--cells", 1, "--levels", 0, "--draws", 1, "--workers", 2
+    files = "--output", tmp_path / "map", "--figure", tmp_path / "map.png", "--csv", tmp_path / "map.csv"
+    answer = call("map", *options, *files)
+    assert answer.exit_code == 0, answer.output
+    assert "of 4 nodes" in answer.output
+    result = load_dataset(tmp_path / "map" / "map.nc")
+    assert float(result["speed"].sel(y=0.36, x=0.0)) > float(result["speed"].sel(y=0.64, x=1.2)) > 0.0
+    assert (tmp_path / "map.png").stat().st_size > 10_000
+    assert len((tmp_path / "map.csv").read_text().splitlines()) == 5
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (("--depth", "0.4"), "--depth 0.4: write from:to"),
+        (("--current", "1:0"), "low = 1.0 must be below high = 0.0"),
+        (("--soil", "mud"), "no soil is called 'mud'"),
+        (("--hydrodynamics", "magic"), "hydrodynamics = 'magic' is not known"),
+        (("--draws", "0"), "draws = 0"),
+        (("--time", "1000"), "stuck_speed"),
+    ],
+)
+def test_bad_maps_are_refused(tmp_path, options, text):
+    answer = call("map", "--output", tmp_path / "map", *options)
+    assert answer.exit_code == 2
+    assert text in plain(answer.output)
+    assert not (tmp_path / "map").exists()

@@ -132,3 +132,18 @@ def test_ablation_study_compares_what_it_is_given(tmp_path):
     lstm, dense, present = table["final"].values.ravel()
     assert lstm == dense == present < 5.0
     assert share.shape == (1, 5) and not share.any()
+
+
+def test_mobility_map_study_goes_in_calm_and_not_in_fast_water(tmp_path):
+    result = load_study("mobility_map").main(quick=True, folder=tmp_path).squeeze("panel")
+    speed = result["speed"]
+    assert float(speed.sel(y=0.4, x=0.0)) > 0.6 > float(speed.sel(y=0.6, x=1.2))
+    assert float(result["probability"].sel(y=0.4, x=0.0)) == 1.0
+    assert float(result["probability"].sel(y=0.6, x=1.2)) == 0.0
+
+
+def test_tuned_driver_holds_the_line_better_than_an_open_loop(tmp_path):
+    result = load_study("path_following").main(quick=True, folder=tmp_path).squeeze("water")
+    off = result["rms_mm"]
+    assert float(off.sel(driver="tuned")) < 0.5 * float(off.sel(driver="open loop"))
+    assert abs(float(result["end_yaw_deg"].sel(driver="tuned"))) < 25.0

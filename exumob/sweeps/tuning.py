@@ -1,0 +1,196 @@
+"""Which values are best: Exudyn's optimisers on the same description of a case as sweeps use.
+
+Every evaluation is kept in a file. The optimisers are deterministic for a given seed, so the same call after a stop
+finds what it had computed and goes on from there.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import logging
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+
+from exumob.errors import SimulationError
+from exumob.provenance import provenance
+from exumob.results import save_dataset
+from exumob.sweeps.experiment import Experiment
+from exumob.sweeps.runner import identity, write_whole
+from exumob.sweeps.sampling import Case
+
+log = logging.getLogger(__name__)
+
+FAILED = 1e6
+"""Objective of a run that breaks down; finite, because the optimisers compute with it."""
+
+Objective = Callable[[xr.Dataset], float]
+Method = Literal["genetic", "minimize"]
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """Answer of `tune`."""
+
+    best: Case
+    """Values by dotted name"""
+    objective: float
+    """Of the best"""
+    evaluations: xr.Dataset
+    """All that was tried, along ``evaluation``: the parameters and ``objective``"""
+
+
+def tune(
+    experiment: Experiment, ranges: Mapping[str, tuple[float, float]], objective: Objective, folder: str | Path, *,
+    cases: Sequence[Case] = ({},), method: Method = "genetic", start: Case | None = None, population: int = 24,
+    generations: int = 6, tolerance: float = 1e-3, evaluations: int = 100, workers: int = 2, seed: int = 0,
+) -> Tuned:  # fmt: skip
+    """Find the values within ranges for which an objective is least.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    ranges : mapping
+        Lowest and highest value by dotted name.
+    objective : callable
+        Takes the Dataset of a run, returns what is to be small; a function at the top level of a module.
+    folder : path
+        Keeps each evaluation, and ``tuning.nc``.
+    cases : sequence of dict
+        Conditions (values by dotted name) over which the objective is averaged.
+    method : str
+        ``"genetic"`` (`exudyn.processing.GeneticOptimization`: global, `population` times `generations` evaluations,
+        side by side) or ``"minimize"`` (`exudyn.processing.Minimize`: Nelder & Mead (1965) from `start`, local).
+    start : dict, optional
+        For ``"minimize"``; default: the middle of the ranges.
+    tolerance, evaluations : float, int
+        For ``"minimize"``: ends when the simplex is smaller than this share of the ranges and its objectives differ by
+        less than this, or after so many evaluations.
+    workers : int
+        Processes of ``"genetic"``.
+    seed : int
+        Of ``"genetic"``.
+
+    Returns
+    -------
+    Tuned
+
+    Raises
+    ------
+    ValueError
+        If a name is not known, a range is empty, a value is refused, or the folder is of another tuning.
+    """
+    if not ranges:
+        raise ValueError("tune.ranges is empty; give a range (low, high) for one name at least.")
+    for name, (low, high) in ranges.items():
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise ValueError(f"tune.ranges: {name} = ({low}, {high}) must be finite, its lower end first.")
+    if population < 4 or generations < 1 or workers < 1:
+        raise ValueError(f"tune: population = {population} >= 4, generations = {generations} >= 1, workers >= 1.")
+    for case in cases:
+        for end in (0, 1):
+            experiment.with_values({**case, **{name: limits[end] for name, limits in ranges.items()}}).check()
+    place = Path(folder)
+    (place / "evaluations").mkdir(parents=True, exist_ok=True)
+    mine = json.dumps({"experiment": repr(experiment), "objective": identity(objective), "cases": list(cases)})
+    said = place / "tuning.json"
+    if said.exists() and said.read_text() != mine:
+        raise ValueError(f"{place} holds another tuning; give another folder, or remove it.")
+    write_whole(said, mine)
+    evaluate = _Evaluation(experiment, objective, tuple(cases), place / "evaluations")
+    if method == "genetic":
+        _genetic(evaluate, ranges, population, generations, workers, seed)
+    elif method == "minimize":
+        first = start or {name: 0.5 * (low + high) for name, (low, high) in ranges.items()}
+        _simplex(evaluate, ranges, first, tolerance, evaluations)
+    else:
+        raise ValueError(f"tune.method = {method!r} is not known; use 'genetic' or 'minimize'.")
+    result = _gathered(place, list(ranges))
+    save_dataset(result, place / "tuning.nc")
+    best = int(np.argmin(result["objective"].values))
+    return Tuned({n: float(result[n][best]) for n in ranges}, float(result["objective"][best]), result)
+
+
+@dataclass(frozen=True)
+class _Evaluation:
+    """The objective as a function of the values, kept in files."""
+
+    experiment: Experiment
+    objective: Objective
+    cases: tuple[Case, ...]
+    folder: Path
+
+    def __call__(self, values: Mapping[str, Any]) -> float:
+        named = {name: float(value) for name, value in values.items() if name not in ("functionData",)}
+        text = json.dumps(named, sort_keys=True)
+        file = self.folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.json"
+        if file.exists():
+            return float(json.loads(file.read_text())["objective"])
+        found = [self._one({**case, **named}) for case in self.cases]
+        result = float(np.mean(found))
+        write_whole(file, json.dumps({"values": named, "objective": result, "of_cases": found}))
+        return result
+
+    def _one(self, values: Case) -> float:
+        try:
+            found = float(self.objective(self.experiment(values)))
+        except (SimulationError, ValueError) as error:
+            log.info("%s: %s", values, error)
+            return FAILED
+        return found if math.isfinite(found) else FAILED
+
+
+def _genetic(
+    evaluate: _Evaluation, ranges: Mapping[str, tuple[float, float]], population: int, generations: int,
+    workers: int, seed: int,
+) -> None:  # fmt: skip
+    from exudyn.processing import GeneticOptimization
+
+    GeneticOptimization(
+        functools.partial(_of_parameters, evaluate), dict(ranges), populationSize=population,
+        numberOfGenerations=generations, elitistRatio=max(0.1, 1.0 / population), crossoverProbability=0.25,
+        rangeReductionFactor=0.7, distanceFactor=0.0, randomizerInitialization=seed, showProgress=False,
+        useMultiProcessing=workers > 1, numberOfThreads=workers,
+    )  # fmt: skip
+
+
+def _simplex(
+    evaluate: _Evaluation, ranges: Mapping[str, tuple[float, float]], start: Case, tolerance: float, evaluations: int
+) -> None:  # fmt: skip
+    """In shares of the ranges, so that one tolerance fits all."""
+    from exudyn.processing import Minimize
+
+    Minimize(
+        functools.partial(_of_shares, evaluate, dict(ranges)), dict.fromkeys(ranges, (0.0, 1.0)),
+        initialGuess=[(float(start[n]) - low) / (high - low) for n, (low, high) in ranges.items()],
+        method="Nelder-Mead", tol=tolerance, options={"maxfev": evaluations, "maxiter": evaluations},
+        showProgress=False, storeFunctionValues=False,
+    )  # fmt: skip
+
+
+def _of_shares(
+    evaluate: _Evaluation, ranges: Mapping[str, tuple[float, float]], shares: Mapping[str, Any]
+) -> float:  # fmt: skip
+    return evaluate({name: low + float(shares[name]) * (high - low) for name, (low, high) in ranges.items()})
+
+
+def _of_parameters(evaluate: _Evaluation, parameters: Mapping[str, Any]) -> float:
+    return evaluate(parameters)
+
+
+def _gathered(folder: Path, names: list[str]) -> xr.Dataset:
+    files = sorted((folder / "evaluations").glob("*.json"), key=lambda file: file.stat().st_mtime_ns)
+    rows = [json.loads(file.read_text()) for file in files]
+    rows = [row for row in rows if list(row["values"]) == names]
+    return xr.Dataset(
+        {"objective": ("evaluation", [row["objective"] for row in rows])},
+        coords={name: ("evaluation", [row["values"][name] for row in rows]) for name in names},
+        attrs=provenance() | {"title": "exumob tuning", "parameters": " ".join(names)},
+    )

@@ -1,0 +1,97 @@
+"""Tuning: Exudyn's optimisers find a known optimum, go on where they were, and survive what breaks down."""
+
+import json
+import math
+from dataclasses import dataclass, replace
+
+import pytest
+import xarray as xr
+
+from exumob.errors import SimulationError
+from exumob.sweeps import tune
+from exumob.sweeps.experiment import Experiment, amphibious_lane_change
+
+RANGES = {"hull.mass": (30.0, 60.0), "wheelbase": (0.5, 0.9)}
+MODEL = replace(amphibious_lane_change(), hydrodynamics="coefficients")
+
+
+@dataclass(frozen=True)
+class Bowl(Experiment):
+    """No vehicle: the distance from 42 kg and 0.8 m, over the widths of the ranges."""
+
+    def __call__(self, values):
+        """A Dataset with one number."""
+        if values["hull.mass"] > 55.0:
+            raise SimulationError("too heavy")
+        off = ((values["hull.mass"] - 42.0) / 30.0) ** 2 + ((values["wheelbase"] - 0.8) / 0.4) ** 2
+        return xr.Dataset({"off": off + values.get("duration", 0.0)})
+
+
+BOWL = Bowl(**{name: getattr(MODEL, name) for name in MODEL.__dataclass_fields__})
+
+
+def off(run):
+    """Objective."""
+    return float(run["off"])
+
+
+def nowhere(run):
+    """An objective that is not a number."""
+    return math.nan
+
+
+def test_simplex_finds_the_optimum_and_says_what_it_tried(tmp_path):
+    found = tune(BOWL, RANGES, off, tmp_path, method="minimize", tolerance=1e-4, evaluations=200)
+    assert found.best["hull.mass"] == pytest.approx(42.0, abs=0.1)
+    assert found.best["wheelbase"] == pytest.approx(0.8, abs=2e-3)
+    assert found.objective == pytest.approx(0.0, abs=1e-5)
+    assert found.objective == float(found.evaluations["objective"].min())
+    assert (tmp_path / "tuning.nc").exists()
+
+
+def test_genetic_search_comes_near_side_by_side_and_is_repeatable(tmp_path):
+    options = {"population": 20, "generations": 6, "seed": 3}
+    found = tune(BOWL, RANGES, off, tmp_path / "a", workers=2, **options)
+    assert found.objective < 0.01
+    assert found.evaluations["objective"].max() == 1e6  # the heavy ones broke down, and did no harm
+    again = tune(BOWL, RANGES, off, tmp_path / "b", workers=1, **options)
+    assert again.best == found.best
+
+
+def test_same_call_goes_on_with_what_was_computed(tmp_path):
+    options = {"method": "minimize", "evaluations": 12}
+    first = tune(BOWL, RANGES, off, tmp_path, **options)
+    files = sorted((tmp_path / "evaluations").iterdir())
+    spoilt = files[0]
+    spoilt.write_text(json.dumps(json.loads(spoilt.read_text()) | {"objective": -1.0}))  # would show if it were used
+    assert tune(BOWL, RANGES, off, tmp_path, **options).objective == -1.0
+    assert len(first.evaluations["objective"]) == len(files)
+    with pytest.raises(ValueError, match="another tuning"):
+        tune(replace(BOWL, duration=3.0), RANGES, off, tmp_path, **options)
+
+
+def test_objective_is_averaged_over_cases(tmp_path):
+    cases = [{"duration": 0.5}, {"duration": 1.5}]
+    found = tune(BOWL, RANGES, off, tmp_path, cases=cases, method="minimize", evaluations=60)
+    assert found.objective == pytest.approx(1.0, abs=1e-2)
+
+
+def test_objective_that_is_not_a_number_counts_as_failed(tmp_path):
+    assert tune(BOWL, RANGES, nowhere, tmp_path, method="minimize", evaluations=3).objective == 1e6
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        ({"ranges": {}}, "ranges is empty"),
+        ({"ranges": {"hull.mas": (1.0, 2.0)}}, r"did you mean hull\.mass"),
+        ({"ranges": {"hull.mass": (2.0, 1.0)}}, "lower end first"),
+        ({"ranges": {"hull.mass": (-2.0, 1.0)}}, "mass"),
+        ({"method": "guess"}, "'genetic' or 'minimize'"),
+        ({"population": 2}, "population"),
+    ],
+)
+def test_bad_requests_are_refused_before_anything_runs(tmp_path, change, match):
+    with pytest.raises(ValueError, match=match):
+        tune(**({"experiment": BOWL, "ranges": RANGES, "objective": off, "folder": tmp_path} | change))
+    assert not list(tmp_path.glob("evaluations/*"))
