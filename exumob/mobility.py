@@ -119,7 +119,7 @@ class MobilityMap:
 
 
 def compute_map(
-    wanted: MobilityMap, folder: str | Path, *, workers: int = 2, time_limit: float | None = 120.0, full: bool = False,
+    wanted: MobilityMap, folder: str | Path, *, workers: int = 2, time_limit: float | None = 600.0, full: bool = False,
     progress: Callable[[str, Progress], None] | None = None,
 ) -> xr.Dataset:  # fmt: skip
     """Compute a map level by level; what is done is kept in the folder, and the same call goes on.

@@ -101,17 +101,12 @@ def against_flow(experiment: Experiment, folder: Path, workers: int) -> xr.Datas
     return found.assign(agree=agree.transpose("scenario", "least_speed"))
 
 
-def plot(mapped: xr.Dataset, checked: xr.Dataset | None) -> Figure:
+def plot(mapped: xr.Dataset, checked: xr.Dataset) -> Figure:
     """The map, with the verdicts of the CFD-MBD runs on its first panel."""
-    figure = plot_map(mapped)
-    if checked is not None:
-        axes = figure.axes[0]
-        go = checked["failure_flow"].values == 0
-        x, y = checked["current_speed"].values, checked["depth_ratio"].values
-        axes.plot(x[go], y[go], "o", mfc="w", mec="k", ms=7, label="CFD-MBD: crosses", clip_on=False, zorder=5)
-        axes.plot(x[~go], y[~go], "X", mfc="k", mec="w", ms=9, label="CFD-MBD: does not", clip_on=False, zorder=5)
-        axes.legend(loc="lower left", frameon=True, framealpha=0.9)
-    return figure
+    verdicts = xr.Dataset(
+        {"x": checked["current_speed"], "y": checked["depth_ratio"], "crossed": checked["failure_flow"] == 0}
+    )
+    return plot_map(mapped, verdicts)
 
 
 def main(quick: bool = False, workers: int = 2, folder: Path | None = None) -> xr.Dataset:
@@ -125,7 +120,7 @@ def main(quick: bool = False, workers: int = 2, folder: Path | None = None) -> x
         )
         assert folder is not None
         result = compute_map(wanted, folder, workers=workers)
-        plt.close(plot(result, None))
+        plt.close(plot_map(result))
         return result
     place = folder or Path("maps")
     crossing = Crossing(experiment, LIMITS)
