@@ -26,6 +26,7 @@ extensions = [
 ]
 exclude_patterns = ["_build", "_generated"]
 templates_path = ["_templates"]
+smartquotes = False  # they would turn the -- of options into dashes
 html_theme = "furo"
 html_title = f"exumob {release}"
 html_static_path = ["_static"]
