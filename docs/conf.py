@@ -25,7 +25,6 @@ extensions = [
     "sphinx.ext.viewcode",
 ]
 exclude_patterns = ["_build", "_generated"]
-templates_path = ["_templates"]
 smartquotes = False  # they would turn the -- of options into dashes
 html_theme = "furo"
 html_title = f"exumob {release}"
@@ -41,8 +40,8 @@ default_role = "py:obj"
 autodoc_default_options = {"members": True, "member-order": "bysource", "show-inheritance": False}
 autodoc_typehints = "none"  # in the signature they repeat the docstring
 autodoc_preserve_defaults = True
-autosummary_generate = True
-autosummary_ignore_module_all = False
+autosummary_generate = False  # tables only: all is documented on the pages themselves
+toc_object_entries_show_parents = "hide"
 suppress_warnings = ["ref.python"]  # a short name that several modules use
 
 napoleon_google_docstring = False
