@@ -37,9 +37,10 @@ myst_heading_anchors = 3
 myst_dmath_double_inline = True
 
 default_role = "py:obj"
-autodoc_default_options = {"members": True, "member-order": "bysource", "show-inheritance": False}
+autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints = "none"  # in the signature they repeat the docstring
 autodoc_preserve_defaults = True
+autodoc_mock_imports = ["torch"]  # not needed to read docstrings
 autosummary_generate = False  # tables only: all is documented on the pages themselves
 toc_object_entries_show_parents = "hide"
 suppress_warnings = ["ref.python"]  # a short name that several modules use
@@ -89,6 +90,8 @@ def plain_docstrings(app, what, name, obj, options, lines):
         elif what == "module" and lines[n + 1].strip():
             out += ["", " " * indent + "::", ""]
             literal = indent
+    if what in ("attribute", "data", "property"):
+        out.insert(0, "")  # else napoleon takes what stands before a colon for a type
     lines[:] = out
 
 
