@@ -7,9 +7,14 @@ import sys
 from importlib.metadata import version as installed
 from pathlib import Path
 
+from sphinx.ext import autodoc, autosummary
+
 os.environ["NUMBA_DISABLE_JIT"] = "1"  # compiled kernels are documented as the functions that they are
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent))  # vehicle_models and studies
+
+LONGEST_VALUE = 200
+"""Longest value of a constant that is shown [characters]."""
 
 project = "exumob"
 author = "The exumob developers"
@@ -44,6 +49,12 @@ autodoc_mock_imports = ["torch"]  # not needed to read docstrings
 autosummary_generate = False  # tables only: all is documented on the pages themselves
 toc_object_entries_show_parents = "hide"
 suppress_warnings = ["ref.python"]  # a short name that several modules use
+
+autosummary.WELL_KNOWN_ABBREVIATIONS += ("Eq.", "Eqs.", "Sec.", "Secs.", "Fig.", "Figs.")  # end no summary
+whole_value = autodoc.object_description
+autodoc.object_description = lambda value, **how: (
+    text if len(text := whole_value(value, **how)) <= LONGEST_VALUE else "..."
+)
 
 napoleon_google_docstring = False
 napoleon_numpy_docstring = True
@@ -91,7 +102,7 @@ def plain_docstrings(app, what, name, obj, options, lines):
             out += ["", " " * indent + "::", ""]
             literal = indent
     if what in ("attribute", "data", "property"):
-        out.insert(0, "")  # else napoleon takes what stands before a colon for a type
+        out[:0] = ["..", ""]  # else napoleon takes what stands before a colon for a type
     lines[:] = out
 
 
