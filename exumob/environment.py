@@ -137,7 +137,7 @@ class Soil:
 
     @classmethod
     def published(cls, name: str) -> Soil:
-        """One of the 23 soils of `published_soils`, by its name in the table.
+        """One of the 23 soils of `published_table`, by its name in the table.
 
         Raises
         ------

@@ -1,6 +1,6 @@
 """Reading anyone's CFD-MBD time histories: motion of the five bodies and the water's loads on them, CSV or netCDF.
 
-One column (CSV) or one variable along time (netCDF) for each quantity; `COLUMNS` with a body's name before it:
+One column (CSV) or one variable along time (netCDF) for each quantity of `KINDS`, a body's name before it:
 
     time [s], hull_x [m], hull_y [m], hull_z [m], hull_roll [deg], hull_pitch [deg], hull_yaw [deg],
     hull_Fx [N], hull_Fy [N], hull_Fz [N], hull_Mx [N m], hull_My [N m], hull_Mz [N m], front_left_x [m], ...

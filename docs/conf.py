@@ -1,0 +1,145 @@
+"""Configuration of the documentation: `sphinx-build -W --keep-going -b html docs docs/_build/html`."""
+
+import os
+import re
+import subprocess
+import sys
+from importlib.metadata import version as installed
+from pathlib import Path
+
+from sphinx.ext import autodoc, autosummary
+
+os.environ["NUMBA_DISABLE_JIT"] = "1"  # compiled kernels are documented as the functions that they are
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent))  # vehicle_models and studies
+
+LONGEST_VALUE = 200
+"""Longest value of a constant that is shown [characters]."""
+
+project = "exumob"
+author = "The exumob developers"
+copyright = author
+version = release = installed("exumob")
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+]
+exclude_patterns = ["_build", "_generated"]
+smartquotes = False  # they would turn the -- of options into dashes
+html_theme = "furo"
+html_title = f"exumob {release}"
+html_static_path = ["_static"]
+html_css_files = ["custom.css"]
+html_show_copyright = False
+
+myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+myst_dmath_double_inline = True
+
+default_role = "py:obj"
+autodoc_default_options = {"members": True, "member-order": "bysource"}
+autodoc_typehints = "none"  # in the signature they repeat the docstring
+autodoc_preserve_defaults = True
+autodoc_mock_imports = ["torch"]  # not needed to read docstrings
+autosummary_generate = False  # tables only: all is documented on the pages themselves
+toc_object_entries_show_parents = "hide"
+suppress_warnings = ["ref.python"]  # a short name that several modules use
+
+autosummary.WELL_KNOWN_ABBREVIATIONS += ("Eq.", "Eqs.", "Sec.", "Secs.", "Fig.", "Figs.")  # end no summary
+whole_value = autodoc.object_description
+autodoc.object_description = lambda value, **how: (
+    text if len(text := whole_value(value, **how)) <= LONGEST_VALUE else "..."
+)
+
+napoleon_google_docstring = False
+napoleon_numpy_docstring = True
+napoleon_use_ivar = True
+napoleon_use_rtype = False
+
+PAGES = {
+    "benchmarks/openfoam/README.md": "/project/openfoam.md",
+    "data/cfd_mbd/README.md": "/project/dataset.md",
+    "CONTRIBUTING.md": "/project/contributing.md",
+    "CHANGELOG.md": "/project/changelog.md",
+}
+"""Files of the repository that are pages here."""
+
+
+def plain_docstrings(app, what, name, obj, options, lines):
+    """Docstrings are written for the reader of the source: make reStructuredText of what would not be any.
+
+    Bars are absolute values, not substitutions. An indented block after a colon is literal, and so is any indented
+    block within a paragraph of a module's docstring, which has no sections.
+    """
+    out = []
+    literal = None  # indent of the line before a literal block
+    for n, line in enumerate(lines):
+        indent = len(line) - len(line.lstrip())
+        if literal is not None and line.strip() and indent <= literal:
+            if out[-1].strip():
+                out.append("")
+            literal = None
+        if literal is None and "``" not in line:
+            line = re.sub(r"(?<![\\`])\|", r"\\|", line)
+        out.append(line)
+        text = line.rstrip()
+        if literal is not None or not text or text.lstrip().startswith(("- ", "* ", "..")):
+            continue
+        following = [other for other in lines[n + 1 :] if other.strip()]
+        if not following or len(following[0]) - len(following[0].lstrip()) <= indent:
+            continue
+        if text.endswith("::"):
+            literal = indent
+        elif text.endswith(":"):
+            out[-1:] = [text + ":", ""]
+            literal = indent
+        elif what == "module" and lines[n + 1].strip():
+            out += ["", " " * indent + "::", ""]
+            literal = indent
+    if what in ("attribute", "data", "property"):
+        out[:0] = ["..", ""]  # else napoleon takes what stands before a colon for a type
+    lines[:] = out
+
+
+def repository_links(app, relative_path, parent, content):
+    """Links of a file of the repository as seen from the documentation; those to other such files lead to its pages."""
+    folder = (Path(app.srcdir) / relative_path).resolve().parent
+    if folder.is_relative_to(HERE):
+        return
+
+    def moved(match):
+        words, target = match.groups()
+        place = (folder / target).resolve()
+        page = PAGES.get(place.relative_to(HERE.parent).as_posix())
+        if page is not None:
+            return f"{words}({page})"
+        if place.suffix == ".md" or not place.is_file():
+            return words.strip("[]")
+        return f"{words}(/../{place.relative_to(HERE.parent).as_posix()})"
+
+    content[0] = re.sub(r"(!?\[[^\]]*\])\(([^)#:\s]+)\)", moved, content[0])
+
+
+def command_line_reference(app):
+    """Write the pages of all commands as typer gives them, so that they are those of the program."""
+    target = HERE / "_generated" / "commands.md"
+    target.parent.mkdir(exist_ok=True)
+    call = [sys.executable, "-m", "typer", "exumob.__main__", "utils", "docs", "--name", "exumob"]
+    found = subprocess.run(
+        call, capture_output=True, text=True, check=True, cwd=HERE.parent, env=os.environ | {"NO_COLOR": "1"}
+    )  # fmt: skip
+    text = found.stdout.partition("\n")[2]  # the page has its own title
+    if not target.exists() or target.read_text() != text:
+        target.write_text(text)
+
+
+def setup(app):
+    """Docstrings are mended before napoleon, which has the priority 500, reads them."""
+    app.connect("builder-inited", command_line_reference)
+    app.connect("include-read", repository_links)
+    app.connect("autodoc-process-docstring", plain_docstrings, priority=400)
