@@ -1,8 +1,8 @@
 """What does water do to a lane change, with the flow in the loop? (paper, Sec. 4, Figs. 5 to 9)
 
 No water, D60/U0, D60/U1, D40/U0 and D40/U1 at the production resolution; D60/U1 also on finer cells, in a window twice
-as wide, mirrored, with a macro step of 2 ms, and with the coefficient model. Runs are kept and gone on with as in
-`generate_training_data.py`, which shares them; those that are missing take half an hour and more each.
+as wide, mirrored, with a macro step of 2 ms, and with the coefficient model. The runs of the data set are taken from
+there; the others are kept and gone on with as in `generate_training_data.py`, and take half an hour and more each.
 
 Run: python studies/cfd_lane_change.py [--jobs 2] [--present]     (--present: with the runs that there are)
 """
@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from exumob import Soil, lane_change, simulate, summary
+from exumob import Soil, lane_change, simulate
 from exumob.plotting import STYLE, plot_lateral_velocity, plot_path, plot_yaw, save_figure
 from exumob.reference_runs import SOIL, FlowRun, compute_all, set_up_log, work_folder
 from exumob.results import load_dataset, save_dataset
@@ -28,6 +28,7 @@ from exumob.smoothing import smoothed
 from vehicle_models.amphibious import amphibious_vehicle
 
 FIGURES = Path(__file__).parent / "figures"
+DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"
 WORST = FlowRun(Scenario.named("D60/U1"))
 RUNS = {name: FlowRun(Scenario.named(name)) for name in ("D60/U0", "D60/U1", "D40/U0", "D40/U1")}
 VARIANTS = {
@@ -58,9 +59,14 @@ def simple_runs() -> dict[str, xr.Dataset]:
 def flow_runs(runs: Mapping[str, FlowRun], jobs: int, present_only: bool) -> dict[str, xr.Dataset]:
     """Whole results by name: those that there are, and the others, unless only the former are wanted."""
     work = work_folder()
-    there = {name: run for name, run in runs.items() if (work / f"{run.name}.nc").exists()}
-    found = {name: load_dataset(work / f"{run.name}.nc") for name, run in there.items()}
-    missing = {run: name for name, run in runs.items() if name not in there}
+    found = {}
+    for name, run in runs.items():
+        whole, packed = work / f"{run.name}.nc", DATA / f"{run.scenario.file_stem}.nc"
+        if whole.exists():
+            found[name] = load_dataset(whole)
+        elif packed.exists() and run == FlowRun(run.scenario):
+            found[name] = load_dataset(packed)
+    missing = {run: name for name, run in runs.items() if name not in found}
     if missing and not present_only:
         for run, result in compute_all(list(missing), amphibious_vehicle(), work, jobs):
             if isinstance(result, xr.Dataset):
@@ -183,8 +189,10 @@ def table(runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
     rows = {name: measures(run) for name, run in runs.items()}
     for name, run in runs.items():
         rows[name]["hours"] = (run.attrs["wall_time"] + run.attrs["settling_wall_time"]) / 3600.0
-        rows[name]["advances"] = float(run["coupling_iterations"].mean()) if "coupling_iterations" in run else np.nan
-        rows[name]["slip"] = summary(run)["mean_slip"]
+        advances = run.get("coupling_iterations", run.attrs.get("coupling_iterations_mean", np.nan))
+        rows[name]["advances"] = float(np.mean(advances))
+        late = run["slip_ratio"].sel(time=slice(0.5 * float(run["time"][-1]), None))
+        rows[name]["slip"] = float(late.mean())
     names = list(next(iter(rows.values())))
     return xr.Dataset({n: ("run", [row[n] for row in rows.values()]) for n in names}, coords={"run": list(rows)})
 

@@ -80,8 +80,8 @@ class Experiment:
         ValueError
             If a name is not known, or a value is refused by what it belongs to.
         """
-        self.check_names(values)
-        changed = self
+        changed = self._with("maneuver", values["maneuver"]) if "maneuver" in values else self  # its fields are names
+        changed.check_names(values)
         for name in sorted(values, key=lambda n: (n.count("."), n == "water.depth_ratio", n)):
             changed = changed._with(name, values[name])
         return changed

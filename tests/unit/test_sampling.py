@@ -197,3 +197,26 @@ def test_bad_study_files_are_named(text, word, tmp_path):
     with pytest.raises(ValueError, match=word) as error:
         read_study(file)
     assert "study.toml" in str(error.value)
+
+
+def test_values_can_be_asked_for_by_the_names_that_set_them():
+    model = amphibious_lane_change()
+    for name in model.names():
+        if name in ("vehicle", "hull.mesh"):
+            continue
+        value = model.value(name)
+        if isinstance(value, int | float) and name != "water.depth_ratio":
+            assert model.with_values({name: value}).value(name) == value
+    assert model.value("hull.mass") == model.vehicle.hull.mass
+    assert model.value("water.depth_ratio") == pytest.approx(0.6)
+    assert model.with_values({"water.depth_ratio": 0.0}).value("water.depth_ratio") == 0.0
+    with pytest.raises(ValueError, match=r"did you mean hull\.mass"):
+        model.value("hull.mas")
+
+
+def test_maneuvers_have_names():
+    model = amphibious_lane_change().with_values({"maneuver": "path following", "maneuver.gain": 3.0})
+    assert model.maneuver.gain == 3.0
+    assert model.value("maneuver.gain") == 3.0
+    with pytest.raises(ValueError, match="'lane change', 'straight', 'path following'"):
+        model.with_values({"maneuver": "slalom"})
