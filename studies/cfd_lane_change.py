@@ -20,10 +20,11 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from exumob import Soil, lane_change, simulate
+from exumob.learning.dataset import pack
 from exumob.plotting import STYLE, plot_lateral_velocity, plot_path, plot_yaw, save_figure
 from exumob.reference_runs import SOIL, FlowRun, compute_all, set_up_log, work_folder
 from exumob.results import load_dataset, save_dataset
-from exumob.scenarios import Scenario
+from exumob.scenarios import TRAINING, UNSEEN, Scenario
 from exumob.smoothing import smoothed
 from vehicle_models.amphibious import amphibious_vehicle
 
@@ -56,15 +57,24 @@ def simple_runs() -> dict[str, xr.Dataset]:
     }
 
 
+def packed_file(run: FlowRun) -> Path:
+    """Where a run is kept with the data set: of the variants in a folder of their own."""
+    ours = run.scenario in TRAINING + UNSEEN and run == FlowRun(run.scenario)
+    return DATA / f"{run.scenario.file_stem}.nc" if ours else DATA / "variants" / f"{run.name}.nc"
+
+
 def flow_runs(runs: Mapping[str, FlowRun], jobs: int, present_only: bool) -> dict[str, xr.Dataset]:
     """Whole results by name: those that there are, and the others, unless only the former are wanted."""
     work = work_folder()
     found = {}
     for name, run in runs.items():
-        whole, packed = work / f"{run.name}.nc", DATA / f"{run.scenario.file_stem}.nc"
+        whole, packed = work / f"{run.name}.nc", packed_file(run)
         if whole.exists():
             found[name] = load_dataset(whole)
-        elif packed.exists() and run == FlowRun(run.scenario):
+            if not packed.exists():
+                packed.parent.mkdir(parents=True, exist_ok=True)
+                save_dataset(pack(found[name]), packed)
+        elif packed.exists():
             found[name] = load_dataset(packed)
     missing = {run: name for name, run in runs.items() if name not in found}
     if missing and not present_only:
@@ -251,7 +261,7 @@ def main(quick: bool = False, jobs: int = 2, present_only: bool = False) -> xr.D
     save_figure(hull_loads(runs), FIGURES / "cfd_hull_loads.png")
     save_figure(motions(runs), FIGURES / "cfd_motions.png")
     wet = {name: run for name, run in runs.items() if name in ("D60/U0", "D60/U1", "D40/U1")}
-    if wet:
+    if wet and all("snapshot_quaternion" in run for run in wet.values()):  # packed runs hold too little of the vehicle
         save_figure(surfaces(wet), FIGURES / "cfd_surfaces.png")
     if "D60/U1" in worst:
         save_figure(uncertainty(worst, simple["D60/U1, coefficients"]), FIGURES / "cfd_uncertainty.png")
