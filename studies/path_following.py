@@ -62,7 +62,7 @@ def measures(run: xr.Dataset) -> dict[str, float]:
         "rms_mm": 1e3 * deviation(run), "largest_mm": 1e3 * float(np.abs(off).max()),
         "end_mm": 1e3 * float(off[-1]), "end_yaw_deg": float(np.degrees(run["yaw"].sel(body="hull")[-1])),
         "end_sideways_mm_s": 1e3 * float(late["velocity"].sel(body="hull", axis="y").mean()),
-        "forward_m": float(np.ptp(run["position"].sel(body="hull", axis="x"))),
+        "forward_m": float(np.ptp(run["position"].sel(body="hull", axis="x").values)),
     }  # fmt: skip
 
 
