@@ -128,7 +128,8 @@ class Crossing:
         except SimulationError as error:
             nothing = dict.fromkeys(("speed", "drift", "slip", "power", "wheel_load", "tilt"), math.nan)
             failure = FAILURES.index(error.cause if error.cause in FAILURES else "broke down")
-            return {"crossed": 0.0, "failure": float(failure), **nothing, "out_of_range": 0.0}
+            outside = 0.0 if error.result is None else _out_of_range(error.result, 0.0)
+            return {"crossed": 0.0, "failure": float(failure), **nothing, "out_of_range": outside}
         return judge(run, self.limits)
 
     @property
@@ -148,5 +149,5 @@ def _weight(run: xr.Dataset) -> float:
 def _out_of_range(run: xr.Dataset, begin: float) -> float:
     if "hydrodynamics_out_of_range" not in run:
         return 0.0
-    outside = run["hydrodynamics_out_of_range"].any("body")
-    return float(outside.sel(macro_time=slice(begin, None)).mean())
+    outside = run["hydrodynamics_out_of_range"].any("body").sel(macro_time=slice(begin, None))
+    return float(outside.mean()) if outside.size else 0.0

@@ -6,6 +6,7 @@ rest with zero angular acceleration (a sudden start means spin torques of hundre
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import math
 from dataclasses import dataclass
@@ -39,7 +40,7 @@ class Driver(Maneuver, Protocol):
         """See the vehicle as it is now (n = 1); steering and wheel speed may change from here on, without a jump."""
 
     def save(self) -> dict[str, Any]:
-        """All that the next steps depend on: arrays, numbers and text by name, so that it can be written."""
+        """All that the next steps depend on: arrays, numbers and text by name, so that it can be written (copied)."""
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Return to a state given by `save`."""
@@ -47,7 +48,10 @@ class Driver(Maneuver, Protocol):
 
 @runtime_checkable
 class FeedbackManeuver(Maneuver, Protocol):
-    """A maneuver whose steering answers to the motion of the vehicle (`exumob.path_following`)."""
+    """A maneuver whose steering answers to the motion of the vehicle (`exumob.path_following`).
+
+    To be resumed from a checkpoint it must be a dataclass, or have a dict `parameters`: what it is made of.
+    """
 
     control_step: float
     """Interval at which the driver looks [s]."""
@@ -202,6 +206,10 @@ class Recorded:
                     "Recorded.%s: the smooth curve through the samples overshoots them by %.3g, over 5 %% of their "
                     "range; give more samples where they bend.", name, overshoot,
                 )  # fmt: skip
+
+    def __repr__(self) -> str:
+        digest = hashlib.sha256(repr(self.parameters).encode()).hexdigest()[:16]
+        return f"Recorded({len(self.parameters['time'])} samples, {digest})"
 
     def _motion(self, spline: BSpline, time: float) -> Motion:
         t = min(max(time, 0.0), self._end)

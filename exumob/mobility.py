@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,6 +26,8 @@ from exumob.results import save_dataset
 from exumob.states import Array
 from exumob.sweeps.runner import Progress, sweep
 from exumob.sweeps.sampling import Case, Choice, Distribution, LogNormal, Normal, sample
+
+log = logging.getLogger(__name__)
 
 MEASURES = ("crossed", "speed", "drift", "slip", "power", "wheel_load", "tilt", "out_of_range")
 CONFIDENCE = 0.95
@@ -82,14 +85,31 @@ class MobilityMap:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        for name in ("draws", "levels", "seed"):
+            if not isinstance(getattr(self, name), int):
+                raise ValueError(f"MobilityMap.{name} = {getattr(self, name)} must be a whole number.")
         require_within("MobilityMap", 1, 100_000, draws=self.draws)
         require_within("MobilityMap", 0, 8, "each level halves the cells.", levels=self.levels)
         if not self.panels:
             raise ValueError("MobilityMap.panels is empty; give one at least, such as {'LETE sand': {}}.")
+        if self.x.name == self.y.name:
+            raise ValueError(f"MobilityMap: x and y are both {self.x.name}; give two different names.")
+        names = set(next(iter(self.panels.values())))
+        for panel, case in self.panels.items():
+            if set(case) != names:
+                raise ValueError(
+                    f"MobilityMap.panels: {panel!r} sets {', '.join(case) or 'nothing'}, the first one "
+                    f"{', '.join(names) or 'nothing'}; set the same names in all."
+                )
+            for name in (self.x.name, self.y.name):
+                if name in case:
+                    raise ValueError(f"MobilityMap.panels: {panel!r} sets {name}, which is an axis; leave it out.")
         for case in self.panels.values():
-            for corner in itertools.product((self.x.low, self.x.high), (self.y.low, self.y.high)):
+            for x, y in itertools.product((self.x.low, self.x.high), (self.y.low, self.y.high)):
                 for factors in self._factors():
-                    self._case(case, *corner, factors)
+                    tried = self.crossing.experiment.with_values(self._case(case, x, y, factors))
+                    if (x, y) == (self.x.high, self.y.high):
+                        tried.check()
 
     def _factors(self) -> list[Case]:
         """The draws: factors by name, and which network."""
@@ -105,7 +125,8 @@ class MobilityMap:
 
     def _case(self, panel: Case, x: float, y: float, factors: Case) -> Case:
         """Values of one run; those of the panel, the place on the map, scattered about both."""
-        values = {**panel, self.x.name: float(x), self.y.name: float(y)}
+        first = next(iter(self.panels.values()))
+        values = {**{name: panel[name] for name in first}, self.x.name: float(x), self.y.name: float(y)}
         at = self.crossing.experiment.with_values(values)
         for name, factor in factors.items():
             if name == "hydrodynamics.member":
@@ -114,7 +135,6 @@ class MobilityMap:
                 values["water.depth_ratio"] *= factor
             else:
                 values[name] = factor * at.value(name)
-        self.crossing.experiment.with_values(values)
         return values
 
 
@@ -140,31 +160,43 @@ def compute_map(
     -------
     xarray.Dataset
         Dims (panel, y, x): probability, probability_low, probability_high (Wilson); means of what `judge` gives;
-        failure (the most frequent of those that failed, index of `FAILURES`); runs (0: interpolated). Attribute
-        ``computed_share``: of the nodes.
+        failure (the most frequent of those that failed, index of `FAILURES`; -1: interpolated); runs (0: interpolated).
+        Attribute ``computed_share``: of the nodes. Runs out of time or killed do not count (a warning says how many);
+        the next call tries them again.
+
+    Raises
+    ------
+    ValueError
+        If a case is refused.
+    RuntimeError
+        If a case fails for a reason that is not the vehicle's.
     """
     place = Path(folder)
     factors = wanted._factors()
     level, grid = 0, _Lattice(wanted, wanted.levels if full else 0)
     while True:
-        nodes = grid.wanted()
-        if nodes:
+        pieces = 0
+        while nodes := grid.wanted():
             cases = [
                 wanted._case(wanted.panels[grid.panels[p]], grid.x[j], grid.y[i], draw)
                 for p, i, j in nodes for draw in factors
             ]  # fmt: skip
-            name = "full" if full else f"level{level}"
+            name = ("full" if full else f"level{level}") + (f"_{pieces}" if pieces else "")
             told = None if progress is None else functools.partial(progress, name)
             rows = sweep(
-                wanted.crossing, cases, place / name, workers=workers, time_limit=time_limit, progress=told
+                wanted.crossing, cases, place / name, workers=workers, time_limit=time_limit, progress=told,
+                again=("out of time", "killed"),
             )  # fmt: skip
+            _check_rows(rows)
             grid.fill(nodes, rows, len(factors))
+            grid.follow_border()
+            pieces += 1
         if full or level == wanted.levels:
             break
         level, grid = level + 1, grid.refined()
     result = grid.dataset()
     result.attrs |= provenance() | {
-        "title": "exumob mobility map", "parameters": parameters_json({"map": wanted}),
+        "title": "exumob mobility map", "random_seed": wanted.seed, "parameters": parameters_json({"map": wanted}),
         "draws": len(factors), "computed_share": float((grid.runs > 0).mean()), "failures": ", ".join(FAILURES),
         "x": wanted.x.name, "y": wanted.y.name, "least_speed": wanted.crossing.limits.speed,
         "largest_drift": wanted.crossing.limits.drift, "width": wanted.crossing.limits.width,
@@ -172,6 +204,17 @@ def compute_map(
     }  # fmt: skip
     save_dataset(result, place / "map.nc")
     return result
+
+
+def _check_rows(rows: xr.Dataset) -> None:
+    """A case that could not be run is no vehicle that could not cross."""
+    status = rows["status"].values
+    for kind, error in (("refused", ValueError), ("failed", RuntimeError)):
+        if kind in status:
+            raise error(f"compute_map: a case was {kind}: {rows['reason'].values[np.argmax(status == kind)]}")
+    lost = int(np.isin(status, ("out of time", "killed")).sum())
+    if lost:
+        log.warning("mobility map: %d of %d runs were out of time or killed; they do not count", lost, len(status))
 
 
 class _Lattice:
@@ -183,53 +226,53 @@ class _Lattice:
         self.x, self.y = wanted.x.values(level), wanted.y.values(level)
         shape = (len(self.panels), len(self.y), len(self.x))
         self.values = {name: np.full(shape, math.nan) for name in MEASURES}
-        self.failure = np.zeros(shape, int)
+        self.failure = np.full(shape, -1)
         self.runs = np.zeros(shape, int)
-        self._wanted = np.ones(shape, bool)
+        self._wanted, self._tried = np.ones(shape, bool), np.zeros(shape, bool)
 
     def wanted(self) -> list[tuple[int, int, int]]:
         """Nodes to be computed."""
-        return [(int(p), int(i), int(j)) for p, i, j in np.argwhere(self._wanted & (self.runs == 0))]
+        return [(int(p), int(i), int(j)) for p, i, j in np.argwhere(self._wanted & ~self._tried)]
 
     def fill(self, nodes: Sequence[tuple[int, int, int]], rows: xr.Dataset, draws: int) -> None:
-        """Take over the results, `draws` rows a node; runs that were lost count as failed."""
+        """Take over the results, `draws` rows a node; runs that were lost do not count."""
         ended = rows["status"].values == "completed"
-        crossed = np.where(ended, rows["crossed"].values if "crossed" in rows else 0.0, 0.0)
-        failure = np.where(ended, rows["failure"].values if "failure" in rows else 0.0, FAILURES.index("broke down"))
         for n, node in enumerate(nodes):
             of = slice(n * draws, (n + 1) * draws)
-            self.runs[node] = draws
+            self._tried[node] = True
+            self.runs[node] = ended[of].sum()
             for name in MEASURES:
-                column = crossed if name == "crossed" else rows[name].values if name in rows else np.full(1, math.nan)
-                part = column[of] if len(column) > 1 else column
-                part = part[np.isfinite(part)]
+                part = rows[name].values[of] if name in rows else np.full(draws, math.nan)
+                part = part[ended[of] & np.isfinite(part)]
                 self.values[name][node] = part.mean() if len(part) else math.nan
-            failed = failure[of][failure[of] > 0].astype(int)
+            failed = rows["failure"].values[of][ended[of]].astype(int) if "failure" in rows else np.zeros(0, int)
+            failed = failed[failed > 0]
             self.failure[node] = np.bincount(failed).argmax() if len(failed) else 0
+
+    def follow_border(self) -> None:
+        """Want the interpolated corners of cells that go and no-go turn out to share."""
+        if self.level:
+            self._wanted |= _corners_of(self._border())
+
+    def _border(self) -> np.ndarray:
+        """Cells whose corners disagree, where the answer counts, shape (p, n - 1, m - 1)."""
+        go = self.values["crossed"] >= 0.5
+        counts = self.values["out_of_range"] <= self.map.crossing.limits.range_share
+        at = [(slice(None, -1), slice(None, -1)), (slice(None, -1), slice(1, None)),
+              (slice(1, None), slice(None, -1)), (slice(1, None), slice(1, None))]  # fmt: skip
+        some, every = (op([go[:, i, j] for i, j in at], axis=0) for op in (np.any, np.all))
+        known = np.any([counts[:, i, j] for i, j in at], axis=0)
+        return np.asarray(some & ~every & known)
 
     def refined(self) -> _Lattice:
         """Half the cell size: old nodes kept, cells on a border wanted, the rest interpolated."""
         fine = _Lattice(self.map, self.level + 1)
         for name, coarse in self.values.items():
             fine.values[name] = _between(coarse)
-        fine.failure[:, ::2, ::2], fine.runs[:, ::2, ::2] = self.failure, self.runs
-        for axis in (1, 2):  # of the lower or left neighbour
-            to, of = [slice(None)] * 3, [slice(None)] * 3
-            to[axis], of[axis] = slice(1, None, 2), slice(0, -1, 2)
-            fine.failure[tuple(to)] = fine.failure[tuple(of)]
-        go = self.values["crossed"] >= 0.5
-        counts = self.values["out_of_range"] <= self.map.crossing.limits.range_share
-        corners = [(slice(None, -1), slice(None, -1)), (slice(None, -1), slice(1, None)),
-                   (slice(1, None), slice(None, -1)), (slice(1, None), slice(1, None))]  # fmt: skip
-        some = np.any([go[:, i, j] for i, j in corners], axis=0)
-        every = np.all([go[:, i, j] for i, j in corners], axis=0)
-        known = np.any([counts[:, i, j] for i, j in corners], axis=0)
-        cells = some & ~every & known
+        for name in ("failure", "runs", "_tried"):
+            getattr(fine, name)[:, ::2, ::2] = getattr(self, name)
         fine._wanted[:] = False
-        for i, j in itertools.product(range(3), range(3)):
-            rows = slice(i, i + 2 * cells.shape[1] - 1, 2)
-            columns = slice(j, j + 2 * cells.shape[2] - 1, 2)
-            fine._wanted[:, rows, columns] |= cells
+        fine._wanted |= _corners_of(np.repeat(np.repeat(self._border(), 2, axis=1), 2, axis=2))
         return fine
 
     def dataset(self) -> xr.Dataset:
@@ -248,7 +291,7 @@ class _Lattice:
             "tilt": ("rad", "largest roll or pitch"), "out_of_range": ("1", "share of the time out of range"),
         }  # fmt: skip
         found = {
-            name: (dims, self.values[name], {"units": unit, "long_name": f"{text}, mean of the runs"})
+            name: (dims, self.values[name], {"units": unit, "long_name": f"{text}, mean of the runs that got so far"})
             for name, (unit, text) in texts.items()
         }
         return xr.Dataset(
@@ -260,12 +303,24 @@ class _Lattice:
                 ),
                 "probability_low": (dims, low, {"units": "1", "long_name": "Wilson's interval, 95 %"}),
                 "probability_high": (dims, high, {"units": "1", "long_name": "Wilson's interval, 95 %"}),
-                "failure": (dims, self.failure, {"long_name": "most frequent failure, see the attribute failures"}),
+                "failure": (
+                    dims,
+                    self.failure,
+                    {"long_name": "most frequent failure, see the attribute failures; -1: interpolated"},
+                ),
                 "runs": (dims, self.runs, {"long_name": "runs at the node; 0: interpolated"}),
                 **found,
             },
             coords={"panel": self.panels, "y": self.y, "x": self.x},
         )
+
+
+def _corners_of(cells: np.ndarray) -> np.ndarray:
+    """Nodes at the corners of cells, shape (p, n, m) -> (p, n + 1, m + 1)."""
+    found = np.zeros((cells.shape[0], cells.shape[1] + 1, cells.shape[2] + 1), bool)
+    for i, j in itertools.product((slice(None, -1), slice(1, None)), repeat=2):
+        found[:, i, j] |= cells
+    return found
 
 
 def _between(coarse: Array) -> Array:

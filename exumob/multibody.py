@@ -7,6 +7,7 @@ one gather before each Newton residual, each load returns its row.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -528,7 +529,7 @@ class MultibodyVehicle:
             rows=self._rows,
             history=self._history[: self._samples].copy() if histories else None,
             records=self._records[: self._rows].copy() if histories else None,
-            driver=None if self._driver is None else {"looks": self._looks, **self._driver.save()},
+            driver=None if self._driver is None else {"looks": self._looks, "own": copy.deepcopy(self._driver.save())},
         )
 
     def restore(self, saved: SavedState) -> None:
@@ -559,7 +560,7 @@ class MultibodyVehicle:
         self._samples, self._rows = saved.samples, saved.rows
         if self._driver is not None and saved.driver is not None:
             self._looks = saved.driver["looks"]
-            self._driver.restore(saved.driver)
+            self._driver.restore(copy.deepcopy(saved.driver["own"]))
         if saved.history is not None and saved.records is not None:
             self._history[: self._samples] = saved.history
             self._records[: self._rows] = saved.records

@@ -24,6 +24,10 @@ from exumob.maneuver import ramp, smooth_step
 from exumob.states import Array, BodyStates
 from exumob.vehicle import Motion, Vehicle
 
+SHARPEST = math.radians(60.0)
+"""Largest turn of a path at a waypoint [rad]."""
+REACH = 2.0
+"""Way along the path, back and ahead of where the vehicle was last, in which the nearest point is sought [m]."""
 INTEGRAL_LIMIT = math.radians(15.0)
 """Of the angle that the integral of the distance may ask for (against wind-up)."""
 
@@ -62,7 +66,8 @@ class PathFollowing:
     """
 
     waypoints: tuple[Point, ...] = lane_shift()
-    """World x, y [m], two at least; before the first and after the last the path goes straight on"""
+    """World x, y [m], two at least; before the first and after the last the path goes straight on. The heading wanted
+    turns from the middle of one piece to the middle of the next: give points so close that a bend is round"""
     speed: float = 10.0
     """Final wheel speed [rad/s]"""
     ramp_time: float = 1.0
@@ -78,7 +83,7 @@ class PathFollowing:
     max_steering: float = math.radians(30.0)
     """[rad]"""
     max_rate: float = 2.0
-    """Of the steering angle [rad/s]"""
+    """Peak rate of a turn of the wheels from rest to rest [rad/s]; one that begins in motion may go half faster"""
     control_step: float = 0.02
     """Interval at which the driver looks [s]"""
     response_time: float = 0.15
@@ -92,12 +97,25 @@ class PathFollowing:
             )
         if (np.hypot(*np.diff(points, axis=0).T) < 1e-6).any():
             raise ValueError("PathFollowing.waypoints: two points in a row coincide; leave one of them out.")
+        step = np.diff(points, axis=0)
+        bend = np.arctan2(step[:-1, 0] * step[1:, 1] - step[:-1, 1] * step[1:, 0], (step[:-1] * step[1:]).sum(axis=1))
+        if len(bend) and np.abs(bend).max() > SHARPEST:
+            n = int(np.abs(bend).argmax())
+            raise ValueError(
+                f"PathFollowing.waypoints: a turn of {math.degrees(abs(bend[n])):.0f} degrees at point {n + 2}, "
+                f"more than {math.degrees(SHARPEST):.0f}; round the corner with more points."
+            )
         object.__setattr__(self, "waypoints", tuple((float(x), float(y)) for x, y in points))
         require_finite("PathFollowing", speed=self.speed)
         require_positive(
             "PathFollowing", ramp_time=self.ramp_time, softening_speed=self.softening_speed, max_rate=self.max_rate,
             control_step=self.control_step, response_time=self.response_time, max_steering=self.max_steering,
         )  # fmt: skip
+        if self.control_step > 0.5 * self.response_time:
+            raise ValueError(
+                f"PathFollowing.control_step = {self.control_step} s must be at most half of response_time = "
+                f"{self.response_time} s; look more often."
+            )
         require_within("PathFollowing", 0.0, 100.0, gain=self.gain, integral_gain=self.integral_gain)
         require_within("PathFollowing", 0.0, 10.0, yaw_damping=self.yaw_damping)
         require_within("PathFollowing", 0.0, math.radians(80.0), max_steering=self.max_steering)
@@ -117,9 +135,12 @@ class PathFollowing:
     def deviation(self, run: xr.Dataset, body: str = "hull") -> xr.DataArray:
         """Distance of a body's origin to the left of the path [m], dims (time,)."""
         places = run["position"].sel(body=body, axis=["x", "y"]).values
-        path = _Polyline(self.waypoints)
+        path, arc, found = _Polyline(self.waypoints), None, []
+        for x, y in places:
+            distance, _, arc = path.nearest(x, y, arc)
+            found.append(distance)
         return xr.DataArray(
-            [path.nearest(x, y)[0] for x, y in places], {"time": run["time"]}, ("time",),
+            found, {"time": run["time"]}, ("time",),
             attrs={"units": "m", "long_name": f"distance of the {body} to the left of the path"},
         )  # fmt: skip
 
@@ -135,6 +156,7 @@ class StanleyDriver:
         self._wanted = 0.0
         self._integral = 0.0  # of the distance [m s]
         self._seen: float | None = None
+        self._arc: float | None = None  # way along the path [m]
 
     def steering(self, time: float) -> Motion:
         """Mean front-wheel angle [rad], rate and acceleration, as planned last."""
@@ -157,7 +179,7 @@ class StanleyDriver:
         told, time = self.maneuver, float(states.time[0])
         x, y = states.position[0, 1:3, :2].mean(axis=0)  # front axle
         ahead = states.rotation[0, 0, :2, 0] / np.hypot(*states.rotation[0, 0, :2, 0])
-        distance, direction = self._path.nearest(x, y)
+        distance, direction, self._arc = self._path.nearest(x, y, self._arc)
         heading = math.atan2(ahead[1], ahead[0])
         error = (heading - direction + math.pi) % (2.0 * math.pi) - math.pi
         speed = max(float(states.velocity[0, 1:3, :2].mean(axis=0) @ ahead), 0.0)
@@ -173,7 +195,8 @@ class StanleyDriver:
             - told.yaw_damping * float(states.angular_velocity[0, 0, 2])
             - told.integral_gain * self._integral
         )
-        self._turn_to(min(max(wanted, -told.max_steering), told.max_steering), time)
+        most = 0.98 * told.max_steering  # a quintic that begins in motion overshoots a little
+        self._turn_to(min(max(wanted, -most), most), time)
 
     def _turn_to(self, wanted: float, time: float) -> None:
         """Quintic from the present motion to rest at the angle wanted."""
@@ -193,12 +216,14 @@ class StanleyDriver:
         """All that the next look depends on."""
         return {
             "plan": self._plan.copy(), "wanted": self._wanted, "integral": self._integral, "seen": self._seen,
+            "arc": self._arc,
         }  # fmt: skip
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Return to a state given by `save`."""
         self._plan[:] = saved["plan"]
         self._wanted, self._integral, self._seen = saved["wanted"], saved["integral"], saved["seen"]
+        self._arc = saved["arc"]
 
 
 class _Polyline:
@@ -213,14 +238,22 @@ class _Polyline:
         self.heading: Array = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
         self.middle = 0.5 * (self.arc[:-1] + self.arc[1:])
 
-    def nearest(self, x: float, y: float) -> tuple[float, float]:
-        """Distance to the left of the path [m] and the path's heading there [rad]."""
+    def nearest(self, x: float, y: float, last: float | None = None) -> tuple[float, float, float]:
+        """Distance to the left of the path [m], the path's heading there [rad], and the way along the path [m].
+
+        With `last`, the way along the path a moment ago, only `REACH` about it is looked at: a path may cross itself.
+        """
         offset = np.array([x, y]) - self.start
         low, high = np.zeros(len(self.length)), self.length.copy()
         low[0], high[-1] = -np.inf, np.inf  # straight on at both ends
-        foot = np.clip((offset * self.along).sum(axis=1), low, high)
+        if last is not None:
+            low = np.maximum(low, last - REACH - self.arc[:-1])
+            high = np.minimum(high, last + REACH - self.arc[:-1])
+        foot = np.clip((offset * self.along).sum(axis=1), low, np.maximum(low, high))
         off = offset - foot[:, None] * self.along
-        n = int(np.argmin((off**2).sum(axis=1)))
+        squared = np.where(low <= high, (off**2).sum(axis=1), np.inf)
+        n = int(np.argmin(squared))
         left = self.along[n, 0] * offset[n, 1] - self.along[n, 1] * offset[n, 0]
         distance = math.copysign(float(np.hypot(*off[n])), left)
-        return distance, float(np.interp(self.arc[n] + foot[n], self.middle, self.heading))
+        way = float(self.arc[n] + foot[n])
+        return distance, float(np.interp(way, self.middle, self.heading)), way

@@ -376,6 +376,8 @@ def plot_map(mapped: xr.Dataset, checks: xr.Dataset | None = None) -> Figure:
         for axes, panel in zip(rows[0], panels, strict=True):
             at = mapped.sel(panel=panel)
             x, y, chance, outside = (at[name].values for name in ("x", "y", "probability", "out_of_range"))
+            outside = np.where(np.isfinite(chance), outside, 1.0)  # every run was lost: no answer
+            chance = np.nan_to_num(chance)
             drawn = axes.contourf(x, y, chance, np.linspace(0.0, 1.0, 11), cmap="RdYlBu", alpha=0.85)
             if chance.min() < 0.5 < chance.max():
                 lines = axes.contour(x, y, chance, [0.1, 0.5, 0.9], colors="k", linewidths=[0.8, 2.0, 0.8])

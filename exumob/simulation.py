@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +109,7 @@ def simulate(
     scheme = coupling or (SemiImplicit() if isinstance(active, DevelopedHydrodynamics) else Explicit())
     store = None
     if checkpoint is not None:
+        _check_described(maneuver)
         fingerprint = Fingerprint.of(
             {
                 "vehicle": vehicle, "soil": soil, "water": water, "terrain": terrain, "maneuver": maneuver,
@@ -249,6 +251,16 @@ def _check_steps(duration: float, micro_step: float, macro_step: float, record_s
             )
 
 
+def _check_described(maneuver: Maneuver) -> None:
+    """Two drivers with other gains must not pass for the same."""
+    described = is_dataclass(maneuver) or isinstance(getattr(maneuver, "parameters", None), dict)
+    if isinstance(maneuver, FeedbackManeuver) and not described:
+        raise ValueError(
+            f"simulate.checkpoint: {type(maneuver).__name__} cannot be told from another one; make it a dataclass, or "
+            "give it a dict `parameters`."
+        )
+
+
 def _check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> None:
     times = np.arange(0.0, duration + HISTORY_STEP, HISTORY_STEP)
     steering = np.array([maneuver.steering(t) for t in times])
@@ -258,6 +270,13 @@ def _check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> No
     largest = np.abs(steering[:, 0]).max()
     if isinstance(maneuver, FeedbackManeuver):
         largest = max(largest, maneuver.max_steering)
+        require_positive("maneuver", control_step=maneuver.control_step)
+    elif hasattr(maneuver, "driver"):
+        missing = [name for name in ("control_step", "max_steering") if not hasattr(maneuver, name)]
+        raise ValueError(
+            f"maneuver: {type(maneuver).__name__} has a driver, but no {' and no '.join(missing)}; see "
+            "exumob.maneuver.FeedbackManeuver."
+        )
     if largest > vehicle.steering.limit:
         raise ValueError(
             f"maneuver: steers {np.degrees(largest):.1f} deg, beyond Steering.limit = "

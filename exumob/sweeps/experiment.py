@@ -162,6 +162,12 @@ class Experiment:
         """Networks in the ensemble that is the water."""
         return len(SurrogateHydrodynamics().networks)
 
+    def network_digests(self) -> str:
+        """Of the networks that are the water, as text; empty if none are."""
+        if self.hydrodynamics != "networks":
+            return ""
+        return " ".join(network.digest() for network in SurrogateHydrodynamics().networks)
+
     def check(self) -> None:
         """Raise ValueError if the water model does not fit the vehicle."""
         model = self.water_model()

@@ -148,6 +148,8 @@ def _check_cases(experiment: Experiment, cases: Sequence[Case]) -> None:
 
     Of more than `LOOKED_AT` values evenly chosen ones, the smallest and the largest number of each name among them.
     """
+    for maneuver in {str(case["maneuver"]): case["maneuver"] for case in cases if "maneuver" in case}.values():
+        experiment = experiment.with_values({"maneuver": maneuver})  # its fields are names
     distinct = {name: _sorted_numbers(dict.fromkeys(case[name] for case in cases)) for name in cases[0]}
     number = sum(map(len, distinct.values()))
     for name, values in distinct.items():
@@ -309,11 +311,22 @@ class _Store:
 
 
 def identity(function: Any) -> tuple[str, str]:
-    """Name of a function with what it is bound to, and its source; what it calls is not looked at."""
+    """Name of a function with what it is bound to, and its source; what it calls is not looked at.
+
+    Where networks are the water, the digests of those that come with the package belong to the name.
+    """
+    name, source = _identity(function)
+    experiment = function if isinstance(function, Experiment) else getattr(function, "experiment", None)
+    if isinstance(experiment, Experiment):
+        name = f"{name} {experiment.network_digests()}".rstrip()
+    return name, source
+
+
+def _identity(function: Any) -> tuple[str, str]:
     if isinstance(function, Experiment):
-        return repr(function), ""
+        return _said(function), ""
     if isinstance(function, functools.partial):
-        name, source = identity(function.func)
+        name, source = _identity(function.func)
         return f"partial({name}, {_said(function.args)}, {_said(function.keywords)})", source
     if inspect.ismethod(function):
         return f"{function.__qualname__} of {_said(function.__self__)}", _source(function)

@@ -1,6 +1,7 @@
 """Mobility maps: verdicts on single runs, refinement along a known border, confidence, scatter, range."""
 
 import math
+import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,9 @@ import xarray as xr
 from scipy.stats import binomtest
 
 from exumob.crossing import FAILURES, Crossing, Limits, judge
+from exumob.errors import SimulationError
 from exumob.mobility import Axis, MobilityMap, _Lattice, compute_map
+from exumob.plotting import plot_map
 from exumob.results import load_dataset
 from exumob.sweeps.experiment import amphibious_crossing
 from exumob.sweeps.sampling import Normal
@@ -116,6 +119,7 @@ def test_refined_map_has_the_border_of_the_full_one(tmp_path):
     np.testing.assert_array_equal(quick["speed"].values[there], full["speed"].values[there])
     np.testing.assert_allclose(quick["speed"], full["speed"], atol=1e-12)  # linear: interpolation is exact
     assert set(np.unique(full["failure"])) == {0, FAILURES.index("too slow")}
+    np.testing.assert_array_equal(quick["failure"].values == -1, ~there)
     assert load_dataset(tmp_path / "full" / "map.nc").identical(full)
 
 
@@ -128,6 +132,80 @@ def test_a_map_goes_on_where_it_was(tmp_path):
     np.testing.assert_array_equal(first["probability"], again["probability"])
     with pytest.raises(ValueError, match="another sweep"):
         compute_map(replace(wanted, crossing=Ellipse(QUICK, Limits(window=0.5, drift=2.0))), tmp_path)
+
+
+@dataclass(frozen=True)
+class Tongue(Crossing):
+    """A narrow tongue of go between two coarse rows, which only its root shows to the first level."""
+
+    def __call__(self, values):
+        """No vehicle, but a verdict."""
+        x, y = values["water.current_speed"], values["water.depth_ratio"]
+        inside = x < 0.4 or (abs(y - 0.45) < 0.02 and x < 1.3)
+        return {"crossed": float(inside), "failure": 0.0 if inside else 6.0, "out_of_range": 0.0}
+
+
+def test_border_is_followed_out_of_the_cells_in_which_it_was_found(tmp_path):
+    wanted = MobilityMap(Tongue(QUICK, BRIEF), scatter={}, levels=2)
+    quick = compute_map(wanted, tmp_path / "refined")
+    full = compute_map(wanted, tmp_path / "full", full=True)
+    np.testing.assert_array_equal(quick["probability"] >= 0.5, full["probability"] >= 0.5)
+    assert float(full["probability"].sel(x=1.225, y=0.45, method="nearest").squeeze()) == 1.0
+    assert quick.attrs["computed_share"] < 0.7
+
+
+@dataclass(frozen=True)
+class Faulty(Crossing):
+    """Runs that end otherwise than with a verdict."""
+
+    how: str = ""
+
+    def __call__(self, values):
+        """Breaks at one corner."""
+        if values["water.current_speed"] > 1.0:
+            if self.how == "refuse":
+                raise ValueError("hull.length is not that of the networks")
+            if self.how == "fail":
+                raise KeyError("a hole in the road")
+            time.sleep(5.0)
+        return {"crossed": 1.0, "failure": 0.0, "out_of_range": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("how", "error", "match"), [("refuse", ValueError, r"hull\.length"), ("fail", RuntimeError, "a hole in the road")]
+)
+def test_cases_that_cannot_be_run_are_no_vehicles_that_cannot_cross(tmp_path, how, error, match):
+    with pytest.raises(error, match=match):
+        compute_map(MobilityMap(Faulty(QUICK, BRIEF, how), scatter={}, levels=0), tmp_path)
+
+
+def test_runs_out_of_time_do_not_count_and_leave_no_answer(tmp_path, caplog):
+    wanted = MobilityMap(
+        Faulty(QUICK, BRIEF), Axis("water.current_speed", 0.0, 1.4, 1), Axis("water.depth_ratio", 0.3, 0.6, 1),
+        scatter={}, levels=1,
+    )  # fmt: skip
+    found = compute_map(wanted, tmp_path, time_limit=1.0)
+    assert "out of time or killed; they do not count" in caplog.text
+    np.testing.assert_array_equal(found["runs"].sel(x=1.4), 0)
+    assert np.isnan(found["probability"].sel(x=1.4)).all()
+    np.testing.assert_array_equal(found["probability"].sel(x=0.0), 1.0)
+    found.attrs |= {"x": "water.current_speed", "y": "water.depth_ratio"}
+    assert plot_map(found).axes  # and nothing of it is coloured as if it were known
+
+
+def test_a_breakdown_outside_the_range_says_so():
+    outside = run_at(outside=True)
+
+    def broken(values):
+        error = SimulationError("Newton did not converge")
+        error.result = outside
+        raise error
+
+    crossing = Crossing(QUICK, BRIEF)
+    object.__setattr__(crossing, "experiment", broken)
+    found = crossing({})
+    assert FAILURES[int(found["failure"])] == "broke down"
+    assert found["out_of_range"] == 1.0
 
 
 def test_probability_and_interval_at_a_scattered_node(tmp_path):
@@ -188,5 +266,16 @@ def test_bad_maps_are_refused_before_anything_runs():
         MobilityMap(Crossing(QUICK, BRIEF), panels={"mud": {"soil": "mud of the moon"}})
     with pytest.raises(ValueError, match=r"Limits\.window"):
         Crossing(replace(QUICK, duration=1.0))
+    for change, match in (
+        ({"levels": 1.5}, "whole number"),
+        ({"x": Axis("water.depth_ratio", 0.1, 0.2)}, "two different names"),
+        ({"panels": {"a": {}, "b": {"soil.cohesion": 900.0}}}, "the same names in all"),
+        ({"panels": {"a": {"water.current_speed": 0.1}}}, "is an axis"),
+    ):
+        with pytest.raises(ValueError, match=match):
+            MobilityMap(Crossing(QUICK, BRIEF), **change)
+    networks = Crossing(replace(QUICK, hydrodynamics="networks"), BRIEF)
+    with pytest.raises(ValueError, match="trained"):
+        MobilityMap(networks, scatter={"hull.length": Normal(1.0, 0.02)})
     with pytest.raises(ValueError, match="stuck"):
         Limits(stuck_speed=0.7)

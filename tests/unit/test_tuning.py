@@ -76,8 +76,25 @@ def test_objective_is_averaged_over_cases(tmp_path):
     assert found.objective == pytest.approx(1.0, abs=1e-2)
 
 
-def test_objective_that_is_not_a_number_counts_as_failed(tmp_path):
-    assert tune(BOWL, RANGES, nowhere, tmp_path, method="minimize", evaluations=3).objective == 1e6
+def test_simplex_leaves_the_lower_end_of_the_ranges(tmp_path):
+    found = tune(
+        BOWL, RANGES, off, tmp_path, method="minimize", start={"hull.mass": 30.0, "wheelbase": 0.5}, evaluations=200
+    )
+    assert found.objective == pytest.approx(0.0, abs=1e-4)
+
+
+def test_other_ranges_in_the_same_folder_get_their_own_best(tmp_path):
+    options = {"method": "minimize", "evaluations": 60}
+    tune(BOWL, RANGES, off, tmp_path, **options)
+    narrow = {"wheelbase": (0.5, 0.6), "hull.mass": (30.0, 35.0)}  # in another order, too
+    found = tune(BOWL, narrow, off, tmp_path, **options)
+    assert 30.0 <= found.best["hull.mass"] <= 35.0
+    assert found.best["wheelbase"] == pytest.approx(0.6, abs=1e-2)
+
+
+def test_a_tuning_in_which_nothing_works_gives_no_answer(tmp_path):
+    with pytest.raises(RuntimeError, match=r"every run broke down; the first: the objective is nan"):
+        tune(BOWL, RANGES, nowhere, tmp_path, method="minimize", evaluations=3)
 
 
 @pytest.mark.parametrize(
@@ -88,6 +105,8 @@ def test_objective_that_is_not_a_number_counts_as_failed(tmp_path):
         ({"ranges": {"hull.mass": (2.0, 1.0)}}, "lower end first"),
         ({"ranges": {"hull.mass": (-2.0, 1.0)}}, "mass"),
         ({"method": "guess"}, "'genetic' or 'minimize'"),
+        ({"cases": []}, "cases is empty"),
+        ({"start": {"hull.mass": 40.0}}, "tune.start has the names hull.mass"),
         ({"population": 2}, "population"),
     ],
 )
