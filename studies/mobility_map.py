@@ -3,7 +3,8 @@
 Chance to cross a ford 12 m wide within 20 s, over current and depth, on LETE sand and on the same sand with a quarter
 less shear strength: ten runs a node over scatter of soil and water, two with each network of the ensemble. Then what
 refining along the border costs in accuracy, without scatter, against the full grid; and the verdicts of the thirteen
-CFD-MBD runs, judged over their last two seconds, against the ensemble's for the same depth and current.
+CFD-MBD runs (lane changes, judged over their last two seconds, straight again) against the map's, and against the
+ensemble's straight ahead in the same water without scatter.
 
 Run: python studies/mobility_map.py [--workers 2] [--folder maps]     (an hour or two; goes on where it was stopped)
 """
@@ -101,6 +102,15 @@ def against_flow(experiment: Experiment, folder: Path, workers: int) -> xr.Datas
     return found.assign(agree=agree.transpose("scenario", "least_speed"))
 
 
+def read_off(mapped: xr.Dataset, checked: xr.Dataset) -> xr.DataArray:
+    """What the first panel of the map, as drawn, says of each CFD-MBD run: right, wrong, or that it does not know."""
+    panel = mapped.isel(panel=0)
+    at = panel[["probability", "out_of_range"]].interp(x=checked["current_speed"], y=checked["depth_ratio"])
+    known = at["out_of_range"] <= mapped.attrs["range_share"]
+    right = (at["probability"] >= 0.5) == (checked["failure_flow"] == 0)
+    return xr.where(known, xr.where(right, "right", "wrong"), xr.where(right, "hatched, right", "hatched, wrong"))
+
+
 def plot(mapped: xr.Dataset, checked: xr.Dataset) -> Figure:
     """The map, with the verdicts of the CFD-MBD runs on its first panel."""
     verdicts = xr.Dataset(
@@ -151,6 +161,11 @@ if __name__ == "__main__":
             f"| {name} | {float(row['speed_flow']):.3f} | {float(row['speed_map']):.3f} | "
             f"{FAILURES[int(row['failure_flow'])]} | {FAILURES[int(row['failure_map'])]} |"
         )
+    said = read_off(answer, table)
+    print(
+        {text: int((said == text).sum()) for text in np.unique(said)},
+        dict(zip(said["scenario"].values, said.values, strict=True)),
+    )
     share = table["agree"].mean("scenario")
     unseen = table["agree"].sel(scenario=table["unseen"]).mean("scenario")
     print(f"right at {LIMITS.speed} m/s: {float(share.sel(least_speed=LIMITS.speed, method='nearest')):.2f}")
