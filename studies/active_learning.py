@@ -241,8 +241,7 @@ def learning_curves(laboratory: Laboratory, orders: int, again: bool = True) -> 
     orders : int
         Random ones.
     again : bool
-        Whether the ensembles of the active and the fixed order are trained again with other seeds: those of different
-        sets, and that of all runs.
+        Whether the ensembles of the active and the fixed order are trained again with other seeds.
 
     Returns
     -------
@@ -258,8 +257,7 @@ def learning_curves(laboratory: Laboratory, orders: int, again: bool = True) -> 
     values = {measure: np.full(shape, np.nan) for measure in UNITS}
     jobs = [(0, k, n) for k in range(len(every)) for n in range(len(sizes))]
     if again:
-        differ = [set(every["active"][:size]) != set(every["fixed"][:size]) for size in sizes]
-        jobs += [(1, k, n) for k in range(2) for n in range(len(sizes)) if differ[n] or n == len(sizes) - 1]
+        jobs += [(1, k, n) for k in range(2) for n in range(len(sizes))]
     for which, k, n in jobs:
         found = laboratory.measures(list(every.values())[k][: sizes[n]], (SEEDS, OTHER_SEEDS)[which])
         for measure in UNITS:
@@ -284,12 +282,11 @@ def learning_curves(laboratory: Laboratory, orders: int, again: bool = True) -> 
 
 def luck(table: xr.Dataset, measure: str) -> float:
     """Standard deviation between ensembles of the same runs and other seeds; of the mean over the unseen runs."""
-    mean = table[measure].sel(order=["active", "fixed"]).mean("scenario", skipna=False)
-    gap = (mean.isel(seeds=0) - mean.isel(seeds=1)).values[:, :-1]  # all runs: the same ensemble twice
-    last = (mean.isel(seeds=0) - mean.isel(seeds=1)).values[:1, -1]
-    pairs = np.concatenate([gap.ravel(), last])
-    pairs = pairs[np.isfinite(pairs)]
-    return float(np.sqrt(np.mean(pairs**2) / 2.0)) if len(pairs) else float("nan")
+    mean = table[measure].mean("scenario", skipna=False)
+    gap = mean.isel(seeds=0) - mean.isel(seeds=1)
+    apart = [n for n in range(table.sizes["runs"]) if not _same(table, n)]
+    pairs = np.concatenate([gap.sel(order="active").values, gap.sel(order="fixed").values[apart]])  # each set once
+    return float(np.sqrt(np.mean(pairs**2) / 2.0))
 
 
 def foresight(table: xr.Dataset) -> xr.DataArray:
