@@ -319,19 +319,19 @@ def plot(table: xr.Dataset) -> Figure:
             for order, color in colors.items():
                 first, again = (mean.sel(order=order).isel(seeds=n) for n in range(2))
                 axes.plot(table["runs"], first, color=color, marker="o", ms=4, lw=1.8, label=order)
-                axes.plot(
-                    table["runs"], again, color=color, marker="s", ms=4, mfc="none", lw=0.9, ls=":",
-                    label=f"{order}, other seeds",
-                )  # fmt: skip
+                axes.plot(table["runs"], again, color=color, marker="s", ms=4, mfc="none", lw=0.9, ls=":")
             axes.set(xlabel="training runs", ylabel=label, xticks=table["runs"], yscale="log")
             axes.grid(True, which="both", axis="y")
         left.set_yticks([0.4, 0.5, 0.6, 0.8, 1.0], ["0.4", "0.5", "0.6", "0.8", "1"])
         middle.set_yticks([1, 2, 5, 10], ["1", "2", "5", "10"])
         for axes in (left, middle):
             axes.yaxis.set_minor_formatter("")
+        left.plot([], [], color="0.3", marker="s", ms=4, mfc="none", lw=0.9, ls=":", label="the same, other seeds")
         left.legend()
-        right.text(0.25, 58.0, "above: active", color="C0", weight="bold", ha="center", fontsize=8)
-        right.text(0.25, 56.9, "below: fixed", color="C1", weight="bold", ha="center", fontsize=8)
+        left.set_title("loads, mean of four unseen runs")
+        middle.set_title("vehicle, mean of four unseen runs")
+        right.text(0.25, 46.0, "above: active", color="C0", weight="bold", ha="center", fontsize=8)
+        right.text(0.25, 44.9, "below: fixed", color="C1", weight="bold", ha="center", fontsize=8)
         for order, color in colors.items():
             up = 1.0 if order == "active" else -1.0
             for n, name in enumerate(_names(table, order)):
@@ -377,6 +377,7 @@ def plot_forward(table: xr.Dataset) -> Figure:
             axes.annotate(
                 f"{100.0 * outside:.0f} %", (value, n), (3, 0), textcoords="offset points", va="center", fontsize=7
             )
+        axes.margins(y=0.01)
         axes.invert_yaxis()
         axes.set(xlabel="disagreement [-]  (beside the bar: share of the time out of the training range)")
         axes.grid(False, axis="y")
