@@ -11,7 +11,9 @@ from exumob.environment import Water
 from exumob.maneuver import LaneChange, lane_change
 from exumob.vehicle import Vehicle
 
-NAME = re.compile(r"D(?P<depth>\d+(\.\d+)?)/U(?P<current>\d+(\.\d+)?)(/(?P<steering>-?\d+(\.\d+)?)deg)?")
+NAME = re.compile(
+    r"D(?P<depth>\d+(\.\d+)?)/U(?P<current>\d+(\.\d+)?)(@(?P<angle>-?\d+(\.\d+)?))?(/(?P<steering>-?\d+(\.\d+)?)deg)?"
+)
 REFERENCE_STEERING = 30.0
 """Amplitude that a name need not mention [deg]."""
 
@@ -23,17 +25,20 @@ class Scenario:
     depth_ratio: float
     """Water depth over tyre diameter [-]"""
     current_speed: float
-    """Of a head current [m/s]"""
+    """[m/s]"""
     steering: float = REFERENCE_STEERING
     """Amplitude [deg]; negative: the mirrored maneuver"""
+    current_angle: float = 0.0
+    """Of the current [deg]; 0: head on, positive: it comes from the left of the first heading"""
 
     def __post_init__(self) -> None:
         require_within("Scenario", 0.0, 2.0, depth_ratio=self.depth_ratio)
         require_within("Scenario", 0.0, 5.0, current_speed=self.current_speed)
+        require_within("Scenario", -180.0, 180.0, current_angle=self.current_angle)
 
     @classmethod
     def named(cls, name: str) -> Scenario:
-        """Of a name such as D60/U1, D50/U0.5/15deg.
+        """Of a name such as D60/U1, D50/U0.5/15deg (steering), D50/U0.5@20 (current 20 degrees from the left).
 
         Raises
         ------
@@ -43,20 +48,20 @@ class Scenario:
         found = NAME.fullmatch(name)
         if found is None:
             raise ValueError(
-                f"scenario {name!r} is not of the form D60/U1 or D50/U0.5/15deg: depth in % of the tyre's diameter, "
-                "current in m/s."
+                f"scenario {name!r} is not of the form D60/U1, D50/U0.5/15deg or D50/U0.5@20: depth in % of the tyre's "
+                "diameter, current in m/s, steering and angle of the current in degrees."
             )
-        steering = found["steering"]
         return cls(
-            float(found["depth"]) / 100.0, float(found["current"]),
-            REFERENCE_STEERING if steering is None else float(steering),
+            float(found["depth"]) / 100.0, float(found["current"]), float(found["steering"] or REFERENCE_STEERING),
+            float(found["angle"] or 0.0),
         )  # fmt: skip
 
     @property
     def name(self) -> str:
         """As `named` takes it."""
         steering = "" if self.steering == REFERENCE_STEERING else f"/{self.steering:g}deg"
-        return f"D{100.0 * self.depth_ratio:g}/U{self.current_speed:g}{steering}"
+        angle = f"@{self.current_angle:g}" if self.current_angle else ""
+        return f"D{100.0 * self.depth_ratio:g}/U{self.current_speed:g}{angle}{steering}"
 
     @property
     def file_stem(self) -> str:
@@ -65,7 +70,10 @@ class Scenario:
 
     def water(self, vehicle: Vehicle) -> Water:
         """Water of the scenario for a vehicle's tyres."""
-        return Water.at_ratio(self.depth_ratio, self.current_speed, tire_diameter=vehicle.wheel.diameter)
+        return Water.at_ratio(
+            self.depth_ratio, self.current_speed, tire_diameter=vehicle.wheel.diameter,
+            current_direction=math.pi + math.radians(self.current_angle),
+        )  # fmt: skip
 
     def maneuver(self) -> LaneChange:
         """The lane change, steered as the scenario says."""

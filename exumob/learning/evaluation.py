@@ -32,8 +32,13 @@ THINNING = 4
 """Every so many milliseconds the loads are compared."""
 
 
-def predicted_loads(network: NetworkSet, run: xr.Dataset, vehicle: Vehicle, rows: np.ndarray) -> Array:
-    """Loads along a run's own motion at some of its instants (open loop), shape (len(rows), 5, 6)."""
+def predicted_loads(
+    network: NetworkSet, run: xr.Dataset, vehicle: Vehicle, rows: np.ndarray, base: Array | None = None
+) -> Array:
+    """Loads along a run's own motion at some of its instants (open loop), shape (len(rows), 5, 6).
+
+    `base`: the `base_loads` of the whole run, if they are known already.
+    """
     architecture = network.architecture
     inputs = network_inputs(body_states(run), water_of(run), architecture.inputs)
     back = architecture.stride * np.arange(architecture.taps - 1, -1, -1)
@@ -41,18 +46,22 @@ def predicted_loads(network: NetworkSet, run: xr.Dataset, vehicle: Vehicle, rows
     loads = network.many_loads(windows)
     loads = loads * (water_of(run).density / TRAINED_DENSITY)
     if architecture.base == "coefficients":
-        loads = loads + base_loads(run, vehicle)[rows]
+        loads = loads + (base_loads(run, vehicle) if base is None else base)[rows]
     return loads
 
 
-def open_loop(networks: NetworkSet | Sequence[NetworkSet], run: xr.Dataset, vehicle: Vehicle) -> xr.DataArray:
+def open_loop(
+    networks: NetworkSet | Sequence[NetworkSet], run: xr.Dataset, vehicle: Vehicle, base: Array | None = None
+) -> xr.DataArray:
     """Root mean square error of the loads over the deviation of the run's, smoothed; dims (body, component).
 
-    Of several networks the mean of their loads is compared.
+    Of several networks the mean of their loads is compared. `base`: the `base_loads` of the run, if known already.
     """
     members = [networks] if isinstance(networks, NetworkSet) else networks
     rows = np.flatnonzero(usable(run))[::THINNING]
-    loads = np.mean([predicted_loads(network, run, vehicle, rows) for network in members], axis=0)
+    if base is None and any(network.architecture.base == "coefficients" for network in members):
+        base = base_loads(run, vehicle)
+    loads = np.mean([predicted_loads(network, run, vehicle, rows, base) for network in members], axis=0)
     reference = run["water_wrench_smooth"].values[rows]
     error = np.sqrt(np.mean((loads - reference) ** 2, axis=0)) / np.maximum(reference.std(axis=0), 1e-9)
     return xr.DataArray(error, {"body": list(BODIES), "component": list(WRENCH_COMPONENTS)}, ("body", "component"))

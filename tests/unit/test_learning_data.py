@@ -33,7 +33,9 @@ def run():
 # -- names -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["D60/U1", "D45/U0.75", "D50/U0.5/15deg", "D50/U0.5/-30deg"])
+@pytest.mark.parametrize(
+    "name", ["D60/U1", "D45/U0.75", "D50/U0.5/15deg", "D50/U0.5/-30deg", "D50/U0.5@20", "D50/U1@-7.5/-30deg"]
+)
 def test_scenario_keeps_its_name(name):
     assert Scenario.named(name).name == name
 
@@ -46,7 +48,16 @@ def test_scenario_says_water_and_steering():
     assert scenario.file_stem == "D50_U0.5_15deg"
 
 
-@pytest.mark.parametrize("name", ["D60", "60/1", "D60/U1/15", "d60/u1"])
+def test_current_comes_from_the_left():
+    """At 30 degrees it flows back and to the right."""
+    water = Scenario.named("D60/U1@30").water(amphibious_vehicle())
+    assert water.velocity == pytest.approx([-np.sqrt(0.75), -0.5, 0.0])
+    assert Scenario.named("D60/U1").water(amphibious_vehicle()).current_direction == np.pi
+    with pytest.raises(ValueError, match="current_angle"):
+        Scenario(0.6, 1.0, current_angle=200.0)
+
+
+@pytest.mark.parametrize("name", ["D60", "60/1", "D60/U1/15", "d60/u1", "D60/U1@", "D60@20/U1"])
 def test_other_names_are_refused(name):
     with pytest.raises(ValueError, match="is not of the form"):
         Scenario.named(name)

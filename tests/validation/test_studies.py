@@ -147,3 +147,45 @@ def test_tuned_driver_holds_the_line_better_than_an_open_loop(tmp_path):
     off = result["rms_mm"]
     assert float(off.sel(driver="tuned")) < 0.5 * float(off.sel(driver="open loop"))
     assert abs(float(result["end_yaw_deg"].sel(driver="tuned"))) < 25.0
+
+
+def test_active_learning_study_follows_its_orders(tmp_path):
+    """Four runs, tiny networks: the orders share start and end, active takes the largest disagreement; none twice."""
+    study = load_study("active_learning")
+    result = study.main(quick=True, work=tmp_path)
+    assert result["added"].sel(order="fixed").values.tolist() == ["D40/U0 + D60/U1", "D40/U1", "D60/U0"]
+    asked = result["disagreement"].sel(runs=2)
+    assert asked.notnull().values.tolist() == [False, False, True, True]
+    assert result["added"].sel(order="active", runs=3) == result["candidate"][int(np.nanargmax(asked.values))]
+    first = result.isel(seeds=0)
+    for measure in ("load_error", "final"):
+        assert bool((first[measure] > 0.0).all())
+        assert bool((first[measure].sel(order="active") == first[measure].sel(order="fixed")).isel(runs=[0, -1]).all())
+    assert float(result["next_disagreement"][0]) > 0.0
+
+    held = np.array([[study.fold(run, seed, 8001) for seed in range(5)] for run in range(9)])
+    assert (held.sum(axis=1) == 1).all() and (held[0] != held[1]).any()  # all of a run, by one seed of five each
+    written = {file: file.stat().st_mtime_ns for file in tmp_path.iterdir()}
+    assert study.main(quick=True, work=tmp_path).equals(result)
+    assert {file: file.stat().st_mtime_ns for file in tmp_path.iterdir()} == written
+    assert "| 3 |" in study.report(result) and study.plot(result).axes and study.plot_forward(result).axes
+
+
+def test_active_learning_study_measures_luck_and_foresight():
+    """Made-up curves: ensembles of other seeds 0.2 apart deviate by 0.2/sqrt(2); disagreement in the error's order."""
+    study = load_study("active_learning")
+    values = np.zeros((2, 2, 3, 1))
+    values[1, 0, :, 0] = 0.2
+    values[1, 1, :, 0] = [9.0, -0.2, 9.0]  # the first and the last set are the same in both orders: looked at once
+    last = ["D40/U1", "D60/U0"]
+    asked = np.array([[np.nan, 1.0, 2.0, 3.0], [np.nan] * 4, [np.nan] * 4])
+    table = xr.Dataset(
+        {
+            "load_error": (("seeds", "order", "runs", "scenario"), values),
+            "added": (("order", "runs"), [["D40/U0 + D60/U1", *names] for names in (last, last[::-1])]),
+            "disagreement": (("runs", "candidate"), asked), "true_error": (("runs", "candidate"), asked**2),
+        },
+        {"order": ["active", "fixed"], "runs": [2, 3, 4]},
+    )  # fmt: skip
+    assert study.luck(table, "load_error") == pytest.approx(0.2 / np.sqrt(2.0))
+    assert study.foresight(table).values[0] == pytest.approx(1.0) and np.isnan(study.foresight(table).values[1])
