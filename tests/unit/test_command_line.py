@@ -417,7 +417,7 @@ def test_map_is_computed_drawn_and_written_as_a_table(tmp_path):
     answer = call("map", *options, *files)
     assert answer.exit_code == 0, answer.output
     assert "of 4 nodes" in answer.output
-    result = load_dataset(tmp_path / "map" / "map.nc")
+    result = load_dataset(tmp_path / "map" / "map.nc").squeeze("panel")
     assert float(result["speed"].sel(y=0.36, x=0.0)) > float(result["speed"].sel(y=0.64, x=1.2)) > 0.0
     assert (tmp_path / "map.png").stat().st_size > 10_000
     assert len((tmp_path / "map.csv").read_text().splitlines()) == 5
