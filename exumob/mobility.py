@@ -104,9 +104,10 @@ class MobilityMap:
             for name in (self.x.name, self.y.name):
                 if name in case:
                     raise ValueError(f"MobilityMap.panels: {panel!r} sets {name}, which is an axis; leave it out.")
+        draws = self._factors()
         for case in self.panels.values():
             for x, y in itertools.product((self.x.low, self.x.high), (self.y.low, self.y.high)):
-                for factors in self._factors():
+                for factors in draws:
                     tried = self.crossing.experiment.with_values(self._case(case, x, y, factors))
                     if (x, y) == (self.x.high, self.y.high):
                         tried.check()
@@ -284,6 +285,7 @@ class _Lattice:
             runs = int(self.runs[n])
             bounds = binomtest(round(self.values["crossed"][n] * runs), runs).proportion_ci(CONFIDENCE, "wilson")
             low[n], high[n] = bounds.low, bounds.high
+        interval = f"Wilson's interval, {100.0 * CONFIDENCE:.0f} %"
         texts = {
             "speed": ("m s-1", "speed ahead"), "drift": ("m", "to the left over the width"),
             "slip": ("1", "slip ratio"),
@@ -301,8 +303,8 @@ class _Lattice:
                     self.values["crossed"],
                     {"units": "1", "long_name": "share of runs that crossed"},
                 ),
-                "probability_low": (dims, low, {"units": "1", "long_name": "Wilson's interval, 95 %"}),
-                "probability_high": (dims, high, {"units": "1", "long_name": "Wilson's interval, 95 %"}),
+                "probability_low": (dims, low, {"units": "1", "long_name": interval}),
+                "probability_high": (dims, high, {"units": "1", "long_name": interval}),
                 "failure": (
                     dims,
                     self.failure,

@@ -142,7 +142,7 @@ class _Evaluation:
     folder: Path
 
     def __call__(self, values: Mapping[str, Any]) -> float:
-        named = {name: float(value) for name, value in values.items() if name not in ("functionData",)}
+        named = {name: float(value) for name, value in values.items() if name != "functionData"}
         text = json.dumps(named, sort_keys=True)
         file = self.folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.json"
         if file.exists():
