@@ -11,9 +11,11 @@ from exumob.flow.grid import HALO, Metrics
 from exumob.flow.spans import Spans
 from exumob.states import Array
 
-ALONG_THE_SIDE = 0.25
-"""Share of the rate that acts on the velocity along a side [-]. Damping it as fast as the rest sends oblique waves
-back (a perfectly matched layer leaves it alone); without any, currents along the side would stay."""
+ALONG_THE_SIDE = 0.01
+"""Least share of a side's rates that acts along it [-]: a perfectly matched layer has none, but then steady currents
+along the side, and what they pile up, would stay."""
+SLOWEST = 0.25
+"""Least speed of waves that leave against the current, over sqrt(g depth), for which a zone's rates are made [-]"""
 
 
 class Rates(NamedTuple):
@@ -23,11 +25,50 @@ class Rates(NamedTuple):
     """
 
     x: Array
-    """At the cells' centres along x"""
+    """Of the sides across x, at the cells' centres along x"""
     y: Array
     x_faces: Array
     """At their low faces"""
     y_faces: Array
+    along_x: float
+    """Share of the rates of the sides across x that acts along these sides [-]"""
+    along_y: float
+
+
+def absorbing_rates(
+    metrics: Metrics, far: tuple[bool, bool], flow: Array, celerity: float, width: float, strength: float
+) -> Rates:
+    """Rates of the zones before the far sides.
+
+    They rise with the cube of the way into the zone, and are less where waves leave against the current and stay in
+    the zone for longer. The zones are matched layers (`relax_level`) as long as the flow through the side is slow
+    beside the waves; in a current, waves with phase and group velocities of opposite signs would grow in these (Hu,
+    J. Comput. Phys. 173 (2001) 455), and everything is damped alike.
+
+    Parameters
+    ----------
+    far : two bools
+        Whether the sides across x and across y are far field.
+    flow : array, shape (2,)
+        Undisturbed flow relative to the grid [m/s].
+    celerity : float
+        sqrt(g depth) [m/s].
+    width, strength : float
+        `FlowSettings.absorbing_width` [m], `FlowSettings.absorbing_strength` [-].
+    """
+
+    def rates(axis: int, places: Array, faces: Array) -> Array:
+        low, high = places - faces[HALO], faces[-HALO - 1] - places
+        outward = np.where(low < high, -flow[axis], flow[axis])
+        speed = np.maximum(celerity + np.minimum(outward, 0.0), SLOWEST * celerity)
+        into = np.clip(1.0 - np.minimum(low, high) / width, 0.0, 1.0)
+        return far[axis] * strength / width * speed * into**3
+
+    along = ALONG_THE_SIDE + (1.0 - ALONG_THE_SIDE) * np.minimum(np.abs(flow) / celerity, 1.0) ** 2
+    return Rates(
+        rates(0, metrics.xc, metrics.xf), rates(1, metrics.yc, metrics.yf), rates(0, metrics.xf, metrics.xf),
+        rates(1, metrics.yf, metrics.yf), float(along[0]), float(along[1]),
+    )  # fmt: skip
 
 
 def level_fractions(metrics: Metrics, level: float) -> Array:
@@ -126,58 +167,100 @@ def fill_velocity(u: Array, v: Array, w: Array, far: Array, far_x: bool, far_y: 
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def relax_velocity(u: Array, v: Array, w: Array, far: Array, rates: Rates, dt: float, spans: Spans) -> None:
-    """Draw the velocity towards the undisturbed flow, implicitly, at the larger of the two sides' rates."""
+def relax_velocity(u: Array, v: Array, far: Array, rates: Rates, dt: float, spans: Spans) -> None:
+    """Draw the horizontal velocity towards the undisturbed flow, implicitly; the vertical one follows the pressure."""
     ny, nz, nx = u.shape
     lo, hi = spans
-    x, y, x_faces, y_faces = rates
+    x, y, x_faces, y_faces, along_x, along_y = rates
     for j in prange(HALO, ny - HALO + 1):
         for k in range(HALO, nz - HALO):
             for i in range(max(lo[j, k], HALO), min(hi[j, k], nx - HALO + 1)):
                 if max(x[i], y[j], x_faces[i], y_faces[j]) > 0.0:
-                    across_x = max(x_faces[i], ALONG_THE_SIDE * y[j])
-                    across_y = max(ALONG_THE_SIDE * x[i], y_faces[j])
-                    u[j, k, i] = far[0] + (u[j, k, i] - far[0]) / (1.0 + dt * across_x)
-                    v[j, k, i] = far[1] + (v[j, k, i] - far[1]) / (1.0 + dt * across_y)
-                    if k > HALO:
-                        w[j, k, i] = w[j, k, i] / (1.0 + dt * max(x[i], y[j]))
+                    u[j, k, i] = far[0] + (u[j, k, i] - far[0]) / (1.0 + dt * (x_faces[i] + along_y * y[j]))
+                    v[j, k, i] = far[1] + (v[j, k, i] - far[1]) / (1.0 + dt * (y_faces[j] + along_x * x[i]))
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def gather_rise(rise_y: Array, flux: Array, rates: Rates, metrics: Metrics) -> None:
+    """Add what the transport along y brought to the columns of the zones.
+
+    Parameters
+    ----------
+    rise_y : array, shape (ny, nx), changed
+        Part of the level's rise above still water that flow along y brought [m].
+    flux : array
+        Water through the low y faces in this step, per face area [m].
+    """
+    ny, nz, nx = flux.shape
+    for j in prange(HALO, ny - HALO):
+        for k in range(HALO, nz - HALO):
+            share = metrics.dz[k] / metrics.dy[j]
+            for i in range(HALO, nx - HALO):
+                if rates.x[i] > 0.0 or rates.y[j] > 0.0:
+                    rise_y[j, i] += share * (flux[j, k, i] - flux[j + 1, k, i])
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _rise(fraction: Array, level: float, bed: float, j: int, i: int, metrics: Metrics) -> tuple[int, float]:
+    """First cell of a column that counts, the one that holds the bed, and the rise above still water [m]."""
+    nz = fraction.shape[1]
+    lowest = HALO
+    while lowest < nz - HALO - 1 and metrics.zf[lowest + 1] <= bed:
+        lowest += 1
+    height = metrics.zf[lowest]
+    for k in range(lowest, nz - HALO):
+        height += fraction[j, k, i] * metrics.dz[k]
+    return lowest, height - max(level, metrics.zf[lowest])
+
+
+@njit(cache=True, error_model="numpy")
+def split_rise(fraction: Array, level: float, bed: Array, rates: Rates, metrics: Metrics, rise_y: Array) -> None:
+    """Ascribe the level's rise to the flow along x and y by their rates, where it is not known whence it came."""
+    ny, _, nx = fraction.shape
+    for j in range(HALO, ny - HALO):
+        for i in range(HALO, nx - HALO):
+            both = rates.x[i] + rates.y[j]
+            rise_y[j, i] = 0.0
+            if both > 0.0:
+                rise_y[j, i] = rates.y[j] / both * _rise(fraction, level, bed[j, i], j, i, metrics)[1]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def relax_level(
-    fraction: Array, level: float, bed: Array, rates: Rates, dt: float, metrics: Metrics, added: Array
+    fraction: Array, rise_y: Array, level: float, bed: Array, rates: Rates, dt: float, metrics: Metrics, added: Array
 ) -> None:
     """Draw the level of whole columns towards still water: fill the lowest gap or drain the top, cell after cell.
 
-    A column begins with the cell that holds the bed; where this lies above still water, the column is drained.
+    What flow along x brought falls at the rate of the sides across x, what flow along y brought at that of the others.
+    So are the velocities drawn (`relax_velocity`): the matched layer of Berenger (J. Comput. Phys. 114 (1994) 185) for
+    long waves, which sends nothing back at any angle. A column begins with the cell that holds the bed; where this
+    lies above still water, the column is drained.
 
     Parameters
     ----------
     fraction : array, changed
         [-]
+    rise_y : array, shape (ny, nx), changed
+        Part of the level's rise that flow along y brought [m].
     level : float
         Of still water [m].
     bed : array, shape (ny, nx)
         Height of the bed [m].
-    rates : Rates
-        The larger of the two sides' counts.
     added : array, shape (ny,), changed
         Volume added per row j [m^3].
     """
     ny, nz, nx = fraction.shape
+    x, y, along_x, along_y = rates.x, rates.y, rates.along_x, rates.along_y
     for j in prange(HALO, ny - HALO):
         volume = 0.0
         for i in range(HALO, nx - HALO):
-            rate = max(rates.x[i], rates.y[j])
-            if rate <= 0.0:
+            if max(x[i], y[j]) <= 0.0:
                 continue
-            lowest = HALO
-            while lowest < nz - HALO - 1 and metrics.zf[lowest + 1] <= bed[j, i]:
-                lowest += 1
-            height = metrics.zf[lowest]
-            for k in range(lowest, nz - HALO):
-                height += fraction[j, k, i] * metrics.dz[k]
-            change = (max(level, metrics.zf[lowest]) - height) * (1.0 - 1.0 / (1.0 + rate * dt))
+            lowest, rise = _rise(fraction, level, bed[j, i], j, i, metrics)
+            by_x = (rise - rise_y[j, i]) / (1.0 + dt * (x[i] + along_y * y[j]))
+            by_y = rise_y[j, i] / (1.0 + dt * (y[j] + along_x * x[i]))
+            rise_y[j, i] = by_y
+            change = by_x + by_y - rise
             volume += change * metrics.dx[i] * metrics.dy[j]
             if change > 0.0:
                 for k in range(lowest, nz - HALO):

@@ -26,9 +26,9 @@ class FlowSettings:
     absorbing_width : float
         Of that zone [m].
     absorbing_strength : float
-        Relaxation rate at the very side, times the zone's width over sqrt(g depth) [-]; it falls with the square of
-        the distance. A long wave comes back from a side with exp(-2/3 strength) of its height; more strength than
-        needed for that reflects waves on the way in.
+        Relaxation rate at the very side, times the zone's width over sqrt(g depth) [-]; it falls with the cube of the
+        distance. A long wave comes back from a side with exp(-strength / 2) of its height, one that meets it at an
+        angle a with exp(-strength cos(a) / 2); more strength than needed for that reflects waves on the way in.
     closed_top : bool
         True: the top is a wall, for basins full of water.
     closure : object or None
@@ -67,7 +67,7 @@ class FlowSettings:
     far_x: bool = True
     far_y: bool = True
     absorbing_width: float = 0.6
-    absorbing_strength: float = 8.0
+    absorbing_strength: float = 10.0
     closed_top: bool = False
     closure: turbulence.Closure | None = DEFAULT_CLOSURE
     viscosity: float = turbulence.MOLECULAR_VISCOSITY

@@ -107,7 +107,7 @@ class FlowSolver:
         self._viscosity = np.full(shape, settings.viscosity)
         self._rows = np.zeros(shape[0])
         self._still = boundary.level_fractions(self.metrics, water.depth)
-        self._rates = self._absorbing_rates()
+        self._rates = self._absorbing_rates(np.zeros(2))
         self._friction = np.array([s.friction for s in self.solids])
         self._treads = tread.tread_table(self.solids)
         self._regions = np.zeros((len(self.solids), 6), dtype=np.int64)
@@ -115,19 +115,13 @@ class FlowSolver:
         self._box: tuple[slice, ...] = (slice(0, 0),) * 3  # round all solids and a given bed
         self._poses: Poses | None = None
 
-    def _absorbing_rates(self) -> boundary.Rates:
-        s, m = self.settings, self.metrics
+    def _absorbing_rates(self, flow: Array) -> boundary.Rates:
+        """Rates of the far field's zones; `flow`: undisturbed, relative to the grid [m/s]."""
+        s = self.settings
         depth = max(self.water.depth - float(self.grid.z_faces[0]), self.water.depth)
-        largest = s.absorbing_strength * math.sqrt(GRAVITY * depth) / s.absorbing_width
-
-        def rates(far: bool, places: Array, faces: Array) -> Array:
-            inside = np.minimum(places - faces[0], faces[-1] - places)
-            return largest * np.clip(1.0 - inside / s.absorbing_width, 0.0, 1.0) ** 2 * far
-
-        x, y = self.grid.x_faces, self.grid.y_faces
-        return boundary.Rates(
-            rates(s.far_x, m.xc, x), rates(s.far_y, m.yc, y), rates(s.far_x, m.xf, x), rates(s.far_y, m.yf, y)
-        )
+        return boundary.absorbing_rates(
+            self.metrics, (s.far_x, s.far_y), flow, math.sqrt(GRAVITY * depth), s.absorbing_width, s.absorbing_strength
+        )  # fmt: skip
 
     # -- the interval ---------------------------------------------------------------------------------------------
 
@@ -145,6 +139,7 @@ class FlowSolver:
         for q, value in zip((state.u, state.v, state.w), far, strict=True):
             q[:] = value
         state.phi[:] = 0.0
+        state.rise_y[:] = 0.0
         self._start_closure()
         self._poses = poses
         self._place(poses, state.frame)
@@ -172,6 +167,9 @@ class FlowSolver:
                 q[h : h + n[0], h : h + n[1], h : h + n[2]] = values
         self._fill(state, self._far(state.frame[2]))
         self._complete_velocity(state)
+        boundary.split_rise(
+            state.fraction, self.water.depth, self._bed_heights, self._rates, self.metrics, state.rise_y
+        )  # fmt: skip
 
     def advance(self, time: float, poses: Poses | None = None) -> Array:
         """Go on to `time` with the solids moving to `poses`; return the mean loads over the interval.
@@ -274,6 +272,8 @@ class FlowSolver:
         faces = (openness.bx, openness.by, openness.bz)
         fraction = new.fraction
         fraction[:] = old.fraction
+        new.rise_y[:] = old.rise_y
+        self._rates = self._absorbing_rates(far[:2] - drift[:2])
         interface.release_surface(  # not of the bed: it is at rest like the water, whatever the grid does
             fraction, self._scratch, openness, regions, placed.position, placed.velocity, placed.rate, drift, dt, m
         )  # fmt: skip
@@ -328,7 +328,7 @@ class FlowSolver:
                 out, old.u, old.v, fraction, new.wet, faces[:2], s.bed_roughness, s.viscosity, dt, m
             )  # fmt: skip
         if s.far_x or s.far_y:
-            boundary.relax_velocity(*out, far, self._rates, dt, self._near)
+            boundary.relax_velocity(*out[:2], far, self._rates, dt, self._near)
         boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
 
         # pressure
@@ -364,9 +364,12 @@ class FlowSolver:
             fraction, begin, self._flow, SWEEPS[old.steps % len(SWEEPS)], dt,
             self._orientation, self._near, self._cells, m,
             self._scratch, self._fill_fraction,
+            self._gather_rise,
         )  # fmt: skip
         if s.far_x or s.far_y:
-            boundary.relax_level(fraction, self.water.depth, self._bed_heights, self._rates, dt, m, self._rows)
+            boundary.relax_level(
+                fraction, new.rise_y, self.water.depth, self._bed_heights, self._rates, dt, m, self._rows
+            )  # fmt: skip
             new.volume_added = old.volume_added + float(np.sum(self._rows[HALO:-HALO]))
             self._fill_fraction(fraction)
 
@@ -534,6 +537,11 @@ class FlowSolver:
 
     def _fill_fraction(self, fraction: Array) -> None:
         boundary.fill_fraction(fraction, self._still, self.settings.far_x, self.settings.far_y)
+
+    def _gather_rise(self, axis: int, flux: Array) -> None:
+        """Between two sweeps of the transport."""
+        if axis == 1 and (self.settings.far_x or self.settings.far_y):
+            boundary.gather_rise(self._next.rise_y, flux, self._rates, self.metrics)
 
     def _fill(self, state: FlowState, far: Array) -> None:
         s = self.settings

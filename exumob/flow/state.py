@@ -38,6 +38,8 @@ class FlowState:
     """Cells that were at least half full when the pressure was solved"""
     phi: Array
     """dt times piezometric pressure over density [m^2/s]"""
+    rise_y: Array
+    """In the far field's zones, the part of the level's rise that water flowing along y brought [m], shape (ny, nx)"""
     phi_dt: float
     """The dt in phi [s]"""
     time: float
@@ -63,7 +65,8 @@ class FlowState:
         u, v, w, ex, ey, ez, cx, cy, cz, fraction, phi = (np.zeros(shape) for _ in range(11))
         spans, wet = Spans.padded(shape), np.zeros(shape, dtype=np.uint8)
         return cls(
-            u, v, w, ex, ey, ez, cx, cy, cz, spans.lo, spans.hi, fraction, wet, phi, 1.0, 0.0, np.zeros(3),
+            u, v, w, ex, ey, ez, cx, cy, cz, spans.lo, spans.hi, fraction, wet, phi, np.zeros((shape[0], shape[2])),
+            1.0, 0.0, np.zeros(3),
             turbulence=np.zeros((turbulence_fields, *shape)),
         )  # fmt: skip
 
