@@ -180,26 +180,6 @@ def relax_velocity(u: Array, v: Array, far: Array, rates: Rates, dt: float, span
                     v[j, k, i] = far[1] + (v[j, k, i] - far[1]) / (1.0 + dt * (y_faces[j] + along_x * x[i]))
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
-def gather_rise(rise_y: Array, flux: Array, rates: Rates, metrics: Metrics) -> None:
-    """Add what the transport along y brought to the columns of the zones.
-
-    Parameters
-    ----------
-    rise_y : array, shape (ny, nx), changed
-        Part of the level's rise above still water that flow along y brought [m].
-    flux : array
-        Water through the low y faces in this step, per face area [m].
-    """
-    ny, nz, nx = flux.shape
-    for j in prange(HALO, ny - HALO):
-        for k in range(HALO, nz - HALO):
-            share = metrics.dz[k] / metrics.dy[j]
-            for i in range(HALO, nx - HALO):
-                if rates.x[i] > 0.0 or rates.y[j] > 0.0:
-                    rise_y[j, i] += share * (flux[j, k, i] - flux[j + 1, k, i])
-
-
 @njit(cache=True, error_model="numpy", inline="always")
 def _rise(fraction: Array, level: float, bed: float, j: int, i: int, metrics: Metrics) -> tuple[int, float]:
     """First cell of a column that counts, the one that holds the bed, and the rise above still water [m]."""
@@ -211,6 +191,52 @@ def _rise(fraction: Array, level: float, bed: float, j: int, i: int, metrics: Me
     for k in range(lowest, nz - HALO):
         height += fraction[j, k, i] * metrics.dz[k]
     return lowest, height - max(level, metrics.zf[lowest])
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def gather_rise(
+    rise_y: Array, v: Array, fraction: Array, openness: Array, far: float, drift: Array, level: float, bed: Array,
+    rates: Rates, dt: float, metrics: Metrics,
+) -> None:  # fmt: skip
+    """Add what flow along y brings to the columns of the zones in one step: disturbances alone.
+
+    A uniform current brings nothing, though over a sloping bed it flows in along one axis and out along the other; it
+    carries the disturbed level along.
+
+    Parameters
+    ----------
+    rise_y : array, shape (ny, nx), changed
+        Part of the level's rise above still water that flow along y brought [m].
+    v, fraction, openness : array
+        Velocity along y [m/s], fraction [-], openness of the low y faces [-].
+    far : float
+        Undisturbed velocity along y [m/s].
+    drift : array, shape (3,)
+        Velocity of the grid's origin in its axes [m/s], yaw rate [rad/s].
+    level : float
+        Of still water [m].
+    bed : array, shape (ny, nx)
+        Height of the bed [m].
+    """
+    ny, nz, nx = v.shape
+    for j in prange(HALO, ny - HALO):
+        for i in range(HALO, nx - HALO):
+            if max(rates.x[i], rates.y[j]) <= 0.0:
+                continue
+            gain, last = 0.0, 0.0
+            for side in range(2):
+                m, last = j + side, gain
+                gain = 0.0
+                for k in range(HALO, nz - HALO):
+                    share = 0.5 * (fraction[m - 1, k, i] + fraction[m, k, i]) * openness[m, k, i]
+                    gain += share * (v[m, k, i] - far) * metrics.dz[k]
+            rise_y[j, i] += dt * (last - gain) / metrics.dy[j]
+            along = far - drift[1] - drift[2] * metrics.xc[i]
+            if along != 0.0:
+                before = j - 1 if along > 0.0 else j + 1
+                here = _rise(fraction, level, bed[j, i], j, i, metrics)[1]
+                there = _rise(fraction, level, bed[before, i], before, i, metrics)[1]
+                rise_y[j, i] -= dt * abs(along) * (here - there) / metrics.ey[max(j, before)]
 
 
 @njit(cache=True, error_model="numpy")

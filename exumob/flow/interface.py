@@ -407,9 +407,8 @@ def transport(
     fraction: Array, begin: Array, flow: tuple[Array, Array, Array], order: tuple[int, int, int], dt: float,
     orientation: tuple[Single, Single, Single], faces: Spans, cells: Spans,
     metrics: Metrics, flux: Array, fill: Callable[[Array], None],
-    passed: Callable[[int, Array], None],
 ) -> None:  # fmt: skip
-    """Carry the fraction over one step; `fill(fraction)` sets the halo after each sweep, `passed(axis, flux)` sees its fluxes.
+    """Carry the fraction over one step; `fill(fraction)` sets the halo after each sweep.
 
     Parameters
     ----------
@@ -432,7 +431,6 @@ def transport(
     for axis in order:
         sweep_fluxes(fraction, flow[axis], axis, dt, orientation, faces, metrics, flux)
         sweep_update(fraction, begin, flow[axis], flux, axis, dt, cells, metrics)
-        passed(axis, flux)
         fill(fraction)
     remove_dilatation(fraction, begin, flow, dt, cells, metrics)
     fill(fraction)

@@ -360,11 +360,15 @@ class FlowSolver:
             return fail(f"the Courant number reached {new.courant_rate * dt:.2g}")
         begin = self.levels.rhs  # free by now
         begin[:] = fraction
+        if s.far_x or s.far_y:
+            boundary.gather_rise(
+                new.rise_y, new.v, fraction, openness.by, far[1], drift, self.water.depth, self._bed_heights,
+                self._rates, dt, m,
+            )  # fmt: skip
         interface.transport(
             fraction, begin, self._flow, SWEEPS[old.steps % len(SWEEPS)], dt,
             self._orientation, self._near, self._cells, m,
             self._scratch, self._fill_fraction,
-            self._gather_rise,
         )  # fmt: skip
         if s.far_x or s.far_y:
             boundary.relax_level(
@@ -537,11 +541,6 @@ class FlowSolver:
 
     def _fill_fraction(self, fraction: Array) -> None:
         boundary.fill_fraction(fraction, self._still, self.settings.far_x, self.settings.far_y)
-
-    def _gather_rise(self, axis: int, flux: Array) -> None:
-        """Between two sweeps of the transport."""
-        if axis == 1 and (self.settings.far_x or self.settings.far_y):
-            boundary.gather_rise(self._next.rise_y, flux, self._rates, self.metrics)
 
     def _fill(self, state: FlowState, far: Array) -> None:
         s = self.settings
