@@ -1,8 +1,10 @@
 """Geometric multigrid for the symmetric systems of `exumob.flow.pressure`: levels, and one V-cycle as preconditioner.
 
 It relaxes vertical lines in checkerboard order (McAdams, Sifakis & Teran 2010 use it likewise) and coarsens
-x and y only: cells are flat seen from far, and columns are short. Corrections are constant over a coarse cell, whose
-couplings are rediscretised.
+x and y only: cells are flat seen from far, and columns are short. Neighbours are joined where they are narrow; cells
+that stretching has made wide are not, until those of the core have caught up: relaxation does nothing about errors that
+alternate along the wider side of a cell, so a coarser level must still show them. Corrections are constant over a
+coarse cell, whose couplings are rediscretised.
 
 Every row (j, k) is stored as its even cells followed by its odd ones, so that the cells of one colour and their
 neighbours of the other are contiguous: cell i is number i // 2 of the half i % 2. Only pairs of cells inside the
@@ -17,12 +19,14 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from exumob.flow.grid import HALO
+from exumob.flow.grid import HALO, Metrics
 from exumob.states import Array
 
 Single = NDArray[np.float32]
 COARSEST = 4
 """Cells along x or y at which coarsening stops."""
+WIDEST = 1.4
+"""Width of two joined cells, over that of two of the narrowest ones, up to which they are joined."""
 COARSEST_SWEEPS = 4
 """Relaxations of the coarsest level, forth and back again."""
 SERIAL_ROWS = 400
@@ -53,13 +57,25 @@ class Level(NamedTuple):
     """Inverse pivots of the vertical lines; 0 where there is no unknown"""
     x: Single
     b: Single
+    first_x: NDArray[np.int32]
+    first_y: NDArray[np.int32]
+    """The cell of the next finer level that a cell begins with, halo included"""
+    twin_x: Single
+    twin_y: Single
+    """1 if it joins two of these, else 0"""
+    closer_x: Single
+    closer_y: Single
+    """Distance of the finer cells on both sides of its low face over the distance of the cells themselves"""
+    parent_x: NDArray[np.int32]
+    parent_y: NDArray[np.int32]
+    """The cell of the next coarser level to which a cell belongs"""
 
 
 class Store(NamedTuple):
     """All levels one after the other, for compiled code."""
 
     shapes: NDArray[np.int64]
-    """Per level: first row, first cell, ny, nz, half"""
+    """Per level: first row, first cell, ny, nz, half, first place along x, along y"""
     lo: NDArray[np.int32]
     hi: NDArray[np.int32]
     ax: Single
@@ -69,6 +85,14 @@ class Store(NamedTuple):
     pivot: Single
     x: Single
     b: Single
+    first_x: NDArray[np.int32]
+    first_y: NDArray[np.int32]
+    twin_x: Single
+    twin_y: Single
+    closer_x: Single
+    closer_y: Single
+    parent_x: NDArray[np.int32]
+    parent_y: NDArray[np.int32]
 
 
 class Vectors(NamedTuple):
@@ -83,41 +107,84 @@ class Vectors(NamedTuple):
 @njit(cache=True, error_model="numpy")
 def level_of(store: Store, depth: int) -> Level:
     """Views of one level, 0 the finest."""
-    row, cell, ny, nz, half = store.shapes[depth]
-    rows, cells = row + ny * nz, cell + 2 * ny * nz * half
+    row, cell, ny, nz, half, place_x, place_y = store.shapes[depth]
+    rows, cells, end_x, end_y = row + ny * nz, cell + 2 * ny * nz * half, place_x + 2 * half, place_y + ny
     return Level(
         ny, nz, half, store.lo[row:rows], store.hi[row:rows], store.ax[cell:cells], store.ay[cell:cells],
         store.az[cell:cells], store.extra[cell:cells], store.pivot[cell:cells], store.x[cell:cells],
-        store.b[cell:cells],
+        store.b[cell:cells], store.first_x[place_x:end_x], store.first_y[place_y:end_y],
+        store.twin_x[place_x:end_x], store.twin_y[place_y:end_y], store.closer_x[place_x:end_x],
+        store.closer_y[place_y:end_y], store.parent_x[place_x:end_x], store.parent_y[place_y:end_y],
     )  # fmt: skip
+
+
+def join(faces: Array, widest: float) -> NDArray[np.intp]:
+    """Which faces [m] of an axis stay when neighbours not wider than `widest` [m] together are joined in pairs."""
+    kept, n = [0], 0
+    while n < len(faces) - 1:
+        n += 2 if n + 2 < len(faces) and faces[n + 2] - faces[n] <= widest else 1
+        kept.append(n)
+    return np.array(kept)
+
+
+def _joints(size: int, faces: Array, kept: NDArray[np.intp]) -> tuple[NDArray[np.int32], Single, Single]:
+    """`first`, `twin` and `closer` of an axis of `size` cells whose faces are those `kept` of the finer ones [m]."""
+    n = len(kept) - 1
+    first = np.full(size, HALO + len(faces) - 1, dtype=np.int32)  # beyond the window the finer level has nothing either
+    twin, closer = np.zeros(size, np.float32), np.ones(size, np.float32)
+    first[:HALO] = np.arange(HALO)
+    first[HALO : HALO + n] = kept[:-1] + HALO
+    twin[HALO : HALO + n] = np.diff(kept) - 1
+    fine, coarse = 0.5 * (faces[1:] + faces[:-1]), 0.5 * (faces[kept][1:] + faces[kept][:-1])
+    closer[HALO + 1 : HALO + n] = np.diff(fine)[kept[1:-1] - 1] / np.diff(coarse)
+    return first, twin, closer
+
+
+def _parents(size: int, kept: NDArray[np.intp]) -> NDArray[np.int32]:
+    """`parent` of an axis of `size` cells, of whose faces those `kept` stay."""
+    inside = np.repeat(np.arange(len(kept) - 1), np.diff(kept)) + HALO
+    after = np.full(size - HALO - len(inside), len(kept) - 1 + HALO)
+    return np.concatenate([np.full(HALO, HALO - 1), inside, after]).astype(np.int32)
 
 
 class Levels:
     """All levels of a grid, finest first, and the vectors of the conjugate gradients."""
 
-    def __init__(self, padded_shape: tuple[int, int, int]) -> None:
-        """Allocate for fields of this shape."""
-        ny, nz, nx = (n - 2 * HALO for n in padded_shape)
-        shapes, row, cell = [], 0, 0
+    def __init__(self, metrics: Metrics) -> None:
+        """Allocate for fields on a grid with these metrics."""
+        x, y = metrics.xf[HALO : len(metrics.xf) - HALO], metrics.yf[HALO : len(metrics.yf) - HALO]
+        narrowest, pz = float(min(np.diff(x).min(), np.diff(y).min())), len(metrics.dz)
+        kept_x, kept_y = np.arange(len(x)), np.arange(len(y))
+        shapes, row, cell, place_x, place_y = [], 0, 0, 0, 0
+        joints: list[tuple[Array, ...]] = []
         while True:
-            py, pz, half = ny + 2 * HALO, nz + 2 * HALO, (nx + 2 * HALO) // 2 + 1
-            shapes.append((row, cell, py, pz, half))
+            finer_x, finer_y = x, y
+            x, y = x[kept_x], y[kept_y]
+            nx, ny = len(x) - 1, len(y) - 1
+            py, half = ny + 2 * HALO, (nx + 2 * HALO) // 2 + 1
+            along_x, along_y = _joints(2 * half, finer_x, kept_x), _joints(py, finer_y, kept_y)
+            widest = 2.0 * WIDEST * narrowest * (1.0 + 1e-9)
+            kept_x, kept_y, narrowest = join(x, widest), join(y, widest), 2.0 * narrowest
+            both = (*zip(along_x, along_y, strict=True), (_parents(2 * half, kept_x), _parents(py, kept_y)))
+            joints.append(tuple(array for pair in both for array in pair))
+            shapes.append((row, cell, py, pz, half, place_x, place_y))
             row, cell = row + py * pz, cell + 2 * py * pz * half
+            place_x, place_y = place_x + 2 * half, place_y + py
             if min(nx, ny) <= COARSEST:
                 break
-            nx, ny = (nx + 1) // 2, (ny + 1) // 2
         start = np.full(row, HALO // 2, dtype=np.int32)
         self.store = Store(
-            np.array(shapes), start, start.copy(), *(np.zeros(cell, dtype=np.float32) for _ in Store._fields[3:])
-        )
+            np.array(shapes), start, start.copy(), *(np.zeros(cell, dtype=np.float32) for _ in range(7)),
+            *map(np.concatenate, zip(*joints, strict=True)),
+        )  # fmt: skip
         fine = 2 * shapes[0][2] * shapes[0][3] * shapes[0][4]
         self.vectors = Vectors(*(np.zeros(fine) for _ in Vectors._fields))
         self.levels: list[Level] = [level_of(self.store, d) for d in range(len(shapes))]
-        self.rhs = np.zeros(padded_shape)
+        self.rhs = np.zeros((len(metrics.dy), pz, len(metrics.dx)))
 
     def clear(self) -> None:
         """Forget all values: after a solution that is not finite, as 0 times such a value is no 0."""
-        for array in (*self.store[3:], *self.vectors):
+        for array in (*self.store[3:10], *self.vectors):
             array[:] = 0.0
 
 
@@ -167,37 +234,59 @@ def factor_lines(level: Level) -> None:
         _factor_row(level, j)
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def _sum_rows(out: Single, values: Single, level: Level, j: int, k: int, two: bool, lo: int, hi: int) -> None:
+    """Sum of the rows j and, if there are `two`, j + 1, their pairs lo to hi, in natural order."""
+    r, t = j * level.nz + k, (j + 1) * level.nz + k
+    for s in range(2):
+        p, q = U((2 * r + s) * level.half + lo), U((2 * t + s) * level.half + lo)
+        for n in range(hi - lo):
+            value = values[p + U(n)]
+            out[U(2 * (lo + n) + s)] = value + values[q + U(n)] if two else value
+
+
 @njit(cache=True, error_model="numpy")
 def _coarsen_row(fine: Level, coarse: Level, j: int) -> None:
     """Row j of `coarsen`."""
-    nz, row = fine.nz, 2 * fine.half
+    nz = fine.nz
     lo, hi = np.empty(nz, np.int32), np.empty(nz, np.int32)
-    j0 = 2 * (j - HALO) + HALO
+    j0, two, closer_y = coarse.first_y[j], coarse.twin_y[j] > ZERO, coarse.closer_y[j]
+    first, twin, closer = coarse.first_x, coarse.twin_x, coarse.closer_x
+    parent = fine.parent_x
     for k in range(nz):
-        first, last = span_of_two(fine, j0, k)
-        lo[k], hi[k] = (first + 1) // 2, (last // 2 + 1 if last > first else (first + 1) // 2)
+        begin, end = span_of_rows(fine, j0, k, two)
+        lo[k] = parent[2 * begin] // 2 if end > begin else HALO // 2
+        hi[k] = parent[2 * end - 1] // 2 + 1 if end > begin else HALO // 2
     clear_row(coarse, j, lo, hi)
-    ax, ay, az, extra = coarse.ax, coarse.ay, coarse.az, coarse.extra
-    half = np.float32(0.5)
-    one = U(fine.half)
+    length = 2 * fine.half
+    ax, ay, az, extra = (
+        np.empty(length, np.float32), np.empty(length, np.float32), np.empty(length, np.float32),
+        np.empty(length, np.float32),
+    )  # fmt: skip
     for k in range(HALO, nz - HALO):
-        low, high = U((j0 * nz + k) * row), U(((j0 + 1) * nz + k) * row)
+        if hi[k] <= lo[k]:
+            continue
+        begin, end = first[2 * lo[k]] // 2, (first[2 * hi[k] - 1] + 1) // 2 + 1
+        _sum_rows(ax, fine.ax, fine, j0, k, two, begin, end)
+        _sum_rows(ay, fine.ay, fine, j0, k, False, begin, end)
+        _sum_rows(az, fine.az, fine, j0, k, two, begin, end)
+        _sum_rows(extra, fine.extra, fine, j0, k, two, begin, end)
         for s in range(2):
-            first = U((2 * (j * nz + k) + s) * coarse.half + lo[k])
-            m0, m1 = low + U(2 * lo[k] + s - 1), high + U(2 * lo[k] + s - 1)
+            place = U((2 * (j * nz + k) + s) * coarse.half + lo[k])
             for n in range(hi[k] - lo[k]):
-                p, q0, q1 = first + U(n), m0 + U(2 * n), m1 + U(2 * n)
-                ax[p] = half * (fine.ax[q0] + fine.ax[q1])
-                ay[p] = half * (fine.ay[q0] + fine.ay[q0 + one])
-                az[p] = fine.az[q0] + fine.az[q0 + one] + fine.az[q1] + fine.az[q1 + one]
-                extra[p] = fine.extra[q0] + fine.extra[q0 + one] + fine.extra[q1] + fine.extra[q1 + one]
+                p, i = place + U(n), U(2 * (lo[k] + n) + s)
+                q, other = U(first[i]), twin[i]
+                coarse.ax[p] = closer[i] * ax[q]
+                coarse.ay[p] = closer_y * (ay[q] + other * ay[q + U(1)])
+                coarse.az[p] = az[q] + other * az[q + U(1)]
+                coarse.extra[p] = extra[q] + other * extra[q + U(1)]
 
 
 @njit(cache=True, error_model="numpy")
-def span_of_two(level: Level, j: int, k: int) -> tuple[int, int]:
-    """Span of pairs that holds those of rows j and j + 1."""
+def span_of_rows(level: Level, j: int, k: int, two: bool) -> tuple[int, int]:
+    """Span of pairs that holds that of row j and, if there are `two`, j + 1."""
     r, t = j * level.nz + k, (j + 1) * level.nz + k
-    if level.lo[t] == level.hi[t]:
+    if not two or level.lo[t] == level.hi[t]:
         return level.lo[r], level.hi[r]
     if level.lo[r] == level.hi[r]:
         return level.lo[t], level.hi[t]
@@ -206,7 +295,7 @@ def span_of_two(level: Level, j: int, k: int) -> tuple[int, int]:
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def coarsen(fine: Level, coarse: Level) -> None:
-    """Rediscretised couplings of a grid twice as coarse in x and y."""
+    """Rediscretised couplings of the next coarser level."""
     for j in prange(HALO, coarse.ny - HALO):
         _coarsen_row(fine, coarse, j)
 
@@ -269,34 +358,41 @@ def _restrict_row(fine: Level, coarse: Level, j: int, total: Single) -> None:
     nz, half = fine.nz, fine.half
     sz = U(2 * half)
     sy = U(nz) * sz
+    j0, rows = coarse.first_y[j], 2 if coarse.twin_y[j] > ZERO else 1
+    child, twin = coarse.first_x, coarse.twin_x
     for k in range(HALO, nz - HALO):
         r = j * nz + k
-        begin, count = 2 * coarse.lo[r] - 1, 2 * (coarse.hi[r] - coarse.lo[r])
-        for side in range(2):
-            m = 2 * (j - HALO) + HALO + side
+        if coarse.hi[r] <= coarse.lo[r]:
+            continue
+        begin, end = child[2 * coarse.lo[r]] // 2, (child[2 * coarse.hi[r] - 1] + 1) // 2 + 1
+        if rows == 1:
+            total[2 * begin : 2 * end] = ZERO
+        for m in range(j0, j0 + rows):
             s = m % 2
             low = U(half) - U(1) if s == 0 else U(0) - U(half)
             high = U(half) if s == 0 else U(1) - U(half)
             first = U((2 * (m * nz + k) + s) * half + begin)
-            for n in range(count):
+            place = U(2 * begin + s)
+            for n in range(end - begin):
                 p = first + U(n)
                 h = x[p]
                 rest = b[p] - extra[p] * h
                 rest += ax[p] * (x[p + low] - h) + ax[p + high] * (x[p + high] - h)
                 rest += ay[p] * (x[p - sy] - h) + ay[p + sy] * (x[p + sy] - h)
                 rest += az[p] * (x[p - sz] - h) + az[p + sz] * (x[p + sz] - h)
-                rest = rest if pivot[p] > ZERO else ZERO
-                total[U(n)] = rest if side == 0 else total[U(n)] + rest
+                total[place + U(2 * n)] = rest if pivot[p] > ZERO else ZERO
         for s in range(2):
             first = U((2 * r + s) * coarse.half + coarse.lo[r])
             for n in range(coarse.hi[r] - coarse.lo[r]):
-                coarse.b[first + U(n)] = total[U(2 * n + s)]
+                i = U(2 * (coarse.lo[r] + n) + s)
+                q = U(child[i])
+                coarse.b[first + U(n)] = total[q] + twin[i] * total[q + U(1)]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def _restrict_parallel(fine: Level, coarse: Level) -> None:
     for j in prange(HALO, coarse.ny - HALO):
-        _restrict_row(fine, coarse, j, np.empty(2 * coarse.half, np.float32))
+        _restrict_row(fine, coarse, j, np.empty(2 * fine.half, np.float32))
 
 
 @njit(cache=True, error_model="numpy")
@@ -305,7 +401,7 @@ def restrict(fine: Level, coarse: Level, threaded: bool) -> None:
     if threaded:
         _restrict_parallel(fine, coarse)
     else:
-        total = np.empty(2 * coarse.half, np.float32)
+        total = np.empty(2 * fine.half, np.float32)
         for j in range(HALO, coarse.ny - HALO):
             _restrict_row(fine, coarse, j, total)
 
@@ -315,7 +411,7 @@ def _prolong_row(fine: Level, coarse: Level, j: int, values: Single) -> None:
     """Row j of `prolong`."""
     x, nz = fine.x, fine.nz
     half, s = fine.half, j % 2
-    above = (j - HALO) // 2 + HALO
+    above, parent = fine.parent_y[j], fine.parent_x
     for k in range(HALO, nz - HALO):
         r, c = j * nz + k, above * nz + k
         if fine.lo[r] == fine.hi[r]:
@@ -323,11 +419,10 @@ def _prolong_row(fine: Level, coarse: Level, j: int, values: Single) -> None:
         for t in range(2):
             first = U((2 * c + t) * coarse.half + coarse.lo[c])
             for n in range(coarse.hi[c] - coarse.lo[c]):
-                values[U(2 * n + t)] = coarse.x[first + U(n)]
-        first = U((2 * r + s) * half + fine.lo[r])
-        shift = U(fine.lo[r] - (2 * coarse.lo[c] - 1))
+                values[U(2 * (coarse.lo[c] + n) + t)] = coarse.x[first + U(n)]
+        first, place = U((2 * r + s) * half + fine.lo[r]), U(2 * fine.lo[r] + s)
         for n in range(fine.hi[r] - fine.lo[r]):
-            x[first + U(n)] += values[shift + U(n)]
+            x[first + U(n)] += values[U(parent[place + U(2 * n)])]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)

@@ -93,7 +93,7 @@ class FlowSolver:
             alone = self.bodies
             self.openness = Openness.open(shape)._replace(ax=alone.ax, ay=alone.ay, az=alone.az)
         self._bed_heights = np.full((shape[0], shape[2]), bottom) if self._bed is None else self._bed.heights
-        self.levels = pressure.Levels(shape)
+        self.levels = pressure.Levels(self.metrics)
         self._flow = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self._change = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self._theta = tuple(np.ones(shape) for _ in range(3))
