@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,6 +23,14 @@ from exumob.commands.shared import (
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+class Closure(StrEnum):
+    """Turbulence models by name."""
+
+    SMAGORINSKY = "smagorinsky"
+    K_OMEGA_SST = "k-omega-sst"
+    NONE = "none"
 
 
 def captive_command(
@@ -49,6 +58,12 @@ def captive_command(
     ] = False,
     duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 3.0,
     interval: Annotated[float, typer.Option(help="At which loads are recorded [s].")] = 1e-3,
+    closure: Annotated[
+        Closure, typer.Option(help="Turbulence: Smagorinsky, k-omega SST, or none (laminar).")
+    ] = Closure.SMAGORINSKY,
+    surface: Annotated[
+        str, typer.Option(help="How the free surface is carried: thinc, or plic as a cross-check.")
+    ] = "thinc",
     threads: Annotated[int, typer.Option(help="Threads of the flow solver.")] = 1,
     output: Annotated[Path | None, typer.Option(help="Write the result here (netCDF).")] = None,
     figure: Annotated[Path | None, typer.Option(help="Draw loads and free surface here (.png, .pdf, .svg).")] = None,
@@ -65,7 +80,7 @@ def captive_command(
     try:
         check_targets(targets)
         from exumob.environment import Water
-        from exumob.flow import CaptiveMotion, FlowSettings, captive_run
+        from exumob.flow import CaptiveMotion, FlowSettings, KOmegaSST, Smagorinsky, captive_run
         from exumob.flow.vtk_files import VtkSeries
 
         car = vehicle_of(vehicle)
@@ -74,7 +89,10 @@ def captive_command(
             speed=speed, drift_angle=math.radians(drift_angle), yaw_rate=math.radians(yaw_rate),
             steering=math.radians(steering), wheel_speed=wheel_speed, ramp_time=ramp_time,
         )  # fmt: skip
-        settings = FlowSettings(threads=threads)
+        models: dict[Closure, Smagorinsky | KOmegaSST | None] = {
+            Closure.SMAGORINSKY: Smagorinsky(), Closure.K_OMEGA_SST: KOmegaSST(), Closure.NONE: None
+        }  # fmt: skip
+        settings = FlowSettings(threads=threads, closure=models[closure], surface=surface)
         series = VtkSeries(vtk, car) if vtk else None
     except (ValueError, OSError, ImportError) as error:
         fail(error)

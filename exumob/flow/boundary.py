@@ -220,17 +220,20 @@ def gather_rise(
     """
     ny, nz, nx = v.shape
     for j in prange(HALO, ny - HALO):
+        brought = np.zeros(nx)
+        for k in range(HALO, nz - HALO):
+            if not np.any(fraction[j, k] > 0.0):
+                continue
+            share = 0.5 * dt * metrics.dz[k] / metrics.dy[j]
+            c, low, high = fraction[j, k], fraction[j - 1, k], fraction[j + 1, k]
+            v_low, v_high, open_low, open_high = v[j, k], v[j + 1, k], openness[j, k], openness[j + 1, k]
+            for i in range(HALO, nx - HALO):
+                gain = (low[i] + c[i]) * open_low[i] * (v_low[i] - far)
+                brought[i] += share * (gain - (high[i] + c[i]) * open_high[i] * (v_high[i] - far))
         for i in range(HALO, nx - HALO):
             if max(rates.x[i], rates.y[j]) <= 0.0:
                 continue
-            gain, last = 0.0, 0.0
-            for side in range(2):
-                m, last = j + side, gain
-                gain = 0.0
-                for k in range(HALO, nz - HALO):
-                    share = 0.5 * (fraction[m - 1, k, i] + fraction[m, k, i]) * openness[m, k, i]
-                    gain += share * (v[m, k, i] - far) * metrics.dz[k]
-            rise_y[j, i] += dt * (last - gain) / metrics.dy[j]
+            rise_y[j, i] += brought[i]
             along = far - drift[1] - drift[2] * metrics.xc[i]
             if along != 0.0:
                 before = j - 1 if along > 0.0 else j + 1

@@ -21,6 +21,7 @@ from exumob.flow.motion import CaptiveMotion, PrescribedMotion
 from exumob.flow.settings import FlowSettings
 from exumob.flow.snapshots import Snapshot, snapshots_dataset
 from exumob.flow.solver import FlowSolver
+from exumob.flow.tread import Tread
 from exumob.provenance import parameters_json, provenance
 from exumob.smoothing import smoothed, window_samples
 from exumob.states import BODIES, WHEELS, Array, quaternions
@@ -75,6 +76,7 @@ def captive_run(
     allow_coarse: bool = False,
     progress: Callable[[float], None] | None = None,
     terrain: Terrain | None = None,
+    tread: Tread | None = None,
 ) -> xr.Dataset:
     """Move a vehicle on a prescribed path through water and return the loads on its bodies.
 
@@ -112,6 +114,8 @@ def captive_run(
     terrain : Terrain, optional
         The bed below the water; default flat at z = 0. The motion is prescribed and does not follow it:
         `CaptiveMotion` keeps the wheels on z = 0.
+    tread : Tread, optional
+        Lugs of the wheels (`exumob.flow.tread`); default: smooth wheels, whose spin acts through wall friction alone.
 
     Returns
     -------
@@ -141,7 +145,7 @@ def captive_run(
         )  # fmt: skip
     if grid is None:
         grid = captive_grid(vehicle, cell_size, water, terrain, _way(motion, vehicle, water, duration))
-    solids = checked_solids(vehicle, grid, steering_range, allow_coarse)
+    solids = checked_solids(vehicle, grid, steering_range, allow_coarse, tread)
     solver = FlowSolver(grid, solids, water, settings, terrain)
     began = clock.perf_counter()
     poses = motion.poses(vehicle, water, 0.0)
@@ -155,6 +159,8 @@ def captive_run(
         }  # fmt: skip
         if terrain is not None:
             parameters["terrain"] = terrain
+        if tread is not None:
+            parameters["tread"] = tread
         return record.dataset(interval) .assign_attrs(
             provenance() | {
                 "title": f"exumob captive run of {vehicle.name}",

@@ -13,6 +13,7 @@ from exumob.environment import Water
 from exumob.flow.body import Solid, vehicle_solids
 from exumob.flow.grid import Grid
 from exumob.flow.motion import PrescribedMotion
+from exumob.flow.tread import Tread
 from exumob.states import BODIES, WHEELS, Array
 from exumob.vehicle import Vehicle
 
@@ -52,7 +53,7 @@ def check_resolution(
 
 
 def checked_solids(
-    vehicle: Vehicle, grid: Grid, steering_range: tuple[float, float], allow_coarse: bool
+    vehicle: Vehicle, grid: Grid, steering_range: tuple[float, float], allow_coarse: bool, tread: Tread | None = None
 ) -> tuple[Solid, ...]:
     """Solids of the five bodies for a grid, after the checks of `check_resolution`; a mesh is sampled only once."""
     if vehicle.hull.mesh is not None:
@@ -62,7 +63,7 @@ def checked_solids(
     coarse = [np.diff(faces).max(initial=0.0, where=_spanned(faces, *extent)) for faces, extent in zip(
         (grid.x_faces, grid.y_faces), _reach(vehicle, grid), strict=True)]  # fmt: skip
     cell = float(max(coarse))
-    solids = vehicle_solids(vehicle, grid.smallest_width)
+    solids = vehicle_solids(vehicle, grid.smallest_width, tread)
     hull, *_, wheel = solids
     angles = sorted({0.0, *np.linspace(*steering_range, 13)})
     gaps = [(_gap(vehicle, hull, wheel, angle, k), angle, k) for angle in angles for k in (0, 1)]

@@ -1,8 +1,9 @@
 """Free surface: fraction of water per cell, its transport, and where the surface cuts the line between two cells.
 
 Conservative volume of fluid by directional sweeps (Weymouth & Yue, J. Comput. Phys. 229 (2010) 2853), with THINC fluxes
-weighted by the surface's orientation (Xiao et al. 2005; Yokoi, J. Comput. Phys. 226 (2007) 1985). The fraction lives
-on full cells, inside solids too; what solids hold is refilled from the water beside them.
+weighted by the surface's orientation (Xiao et al. 2005; Yokoi, J. Comput. Phys. 226 (2007) 1985) or, as a cross-check,
+with those of a plane in each cell (PLIC; Scardovelli & Zaleski, J. Comput. Phys. 164 (2000) 228). The fraction lives on
+full cells, inside solids too; what solids hold is refilled from the water beside them.
 """
 
 from __future__ import annotations
@@ -118,6 +119,93 @@ def thinc_flux(c: float, rising: float, courant: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def volume_below(a: float, b: float, c: float, offset: float) -> float:
+    """Share of the unit cube where a x + b y + c z < offset; a <= b <= c, all >= 0, their sum 1."""
+    d = min(offset, 1.0 - offset)
+    if d <= 0.0:
+        part = 0.0
+    elif d < a:
+        part = d**3 / (6.0 * a * b * c)
+    elif d < b:
+        part = d * (d - a) / (2.0 * b * c) + a * a / (6.0 * b * c)
+    elif d >= a + b:
+        part = (2.0 * d - a - b) / (2.0 * c)
+    else:
+        part = d * d * (3.0 * (a + b) - d) + a * a * (a - 3.0 * d) + b * b * (b - 3.0 * d)
+        if d >= c:
+            part -= (d - c) ** 3
+        part /= 6.0 * a * b * c
+    return part if offset <= 0.5 else 1.0 - part
+
+
+@njit(cache=True, error_model="numpy")
+def plane_offset(a: float, b: float, c: float, share: float) -> float:
+    """Offset at which `volume_below` is `share`, to 1e-12; by regula falsi (Illinois), which starts near the end."""
+    target = min(share, 1.0 - share)
+    if target <= 0.0:
+        return 0.0 if share < 0.5 else 1.0
+    low, high, below, above = 0.0, 0.5, -target, 0.5 - target
+    middle = 0.5
+    for _ in range(60):
+        if above <= 1e-13:
+            middle = high
+            break
+        middle = (low * above - high * below) / (above - below)
+        value = volume_below(a, b, c, middle) - target
+        if abs(value) < 1e-12:
+            break
+        if value < 0.0:
+            low, below = middle, value
+            above *= 0.5
+        else:
+            high, above = middle, value
+            below *= 0.5
+    return middle if share <= 0.5 else 1.0 - middle
+
+
+@njit(cache=True, error_model="numpy")
+def _ordered(a: float, b: float, c: float) -> tuple[float, float, float]:
+    if a > b:
+        a, b = b, a
+    if b > c:
+        b, c = c, b
+    if a > b:
+        a, b = b, a
+    return a, b, c
+
+
+@njit(cache=True, error_model="numpy")
+def plic_flux(c: float, along: float, other: float, third: float, courant: float) -> float:
+    """Water leaving a cell through one face, as a fraction of the cell, below the plane that fits its fraction.
+
+    Parameters
+    ----------
+    c : float
+        Fraction of the cell.
+    along, other, third : float
+        Gradient of the fraction along the face's normal and across it, in any order; absolute values sum to 1.
+    courant : float
+        Signed share of the cell that leaves, > 0 through the high face.
+    """
+    size = abs(courant)
+    if size == 0.0:
+        return 0.0
+    m1, m2, m3 = _ordered(abs(along), abs(other), abs(third))
+    offset = plane_offset(m1, m2, m3, c)
+    # water lies at low coordinates once every axis points away from it; the slab that leaves is there first or last
+    first = (courant > 0.0) == (along > 0.0)
+    m = abs(along)
+    offset -= 0.0 if first else m * (1.0 - size)
+    m1, m2, m3 = _ordered(m * size, abs(other), abs(third))
+    total = m1 + m2 + m3
+    if total <= 1e-12:
+        part = 1.0 if offset > 0.0 else 0.0
+    else:
+        part = volume_below(m1 / total, m2 / total, m3 / total, min(max(offset / total, 0.0), 1.0))
+    return math.copysign(min(part * size, c), courant)
+
+
+@njit(cache=True, error_model="numpy")
 def _orientation(c: Array, p: int, sy: int, sz: int) -> tuple[float, float, float]:
     """Gradient of the fraction over the sum of its absolute components; 0 if there is none."""
     gx, gy, gz = gradient(c, p, sy, sz)
@@ -146,8 +234,8 @@ def orient(fraction: Array, orientation: tuple[Single, Single, Single], spans: S
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def sweep_fluxes(
-    fraction: Array, flow: Array, axis: int, dt: float, orientation: tuple[Single, Single, Single], spans: Spans,
-    metrics: Metrics, flux: Array,
+    fraction: Array, flow: Array, axis: int, dt: float, orientation: tuple[Single, Single, Single], planes: bool,
+    spans: Spans, metrics: Metrics, flux: Array,
 ) -> None:  # fmt: skip
     """Volume of water through each low face along one axis, per face area [m].
 
@@ -159,6 +247,8 @@ def sweep_fluxes(
         0 x, 1 y, 2 z.
     orientation : three arrays
         Of the surface at the begin of the step, from `orient`.
+    planes : bool
+        Whether the surface in a cell is a plane; else the THINC profile.
     spans : Spans
         Cells whose low faces are visited.
     flux : array, changed
@@ -170,7 +260,12 @@ def sweep_fluxes(
     back = np.uintp(stride)
     widths = metrics.dx if axis == 0 else (metrics.dy if axis == 1 else metrics.dz)
     c, u, f = fraction.ravel(), flow.ravel(), flux.ravel()
-    along, known = orientation[axis].ravel(), orientation[0].ravel()
+    along, other, third = (
+        orientation[axis].ravel(),
+        orientation[(axis + 1) % 3].ravel(),
+        orientation[(axis + 2) % 3].ravel(),
+    )
+    known = orientation[0].ravel()
     lo, hi = spans
     for j in prange(HALO, ny - HALO + 1):
         for k in range(HALO, nz - HALO + 1):
@@ -190,14 +285,18 @@ def sweep_fluxes(
                 value = c[donor]
                 if value <= EMPTY or value >= 1.0 - EMPTY:
                     continue
-                slope = np.float64(along[donor])
+                slope, n2, n3 = np.float64(along[donor]), np.float64(other[donor]), np.float64(third[donor])
                 if known[donor] == UNKNOWN:
                     turned = _orientation(c, np.intp(donor), sy, sz)
-                    slope = turned[axis]
-                if slope == 0.0:
-                    continue
+                    slope, n2, n3 = turned[axis], turned[(axis + 1) % 3], turned[(axis + 2) % 3]
                 m = i if axis == 0 else (j if axis == 1 else k)
                 width = widths[m - 1] if u[p] > 0.0 else widths[m]
+                if planes:
+                    if abs(slope) + abs(n2) + abs(n3) > 0.0:
+                        f[p] = width * plic_flux(value, slope, n2, n3, dt * u[p] / width)
+                    continue
+                if slope == 0.0:
+                    continue
                 passed = width * thinc_flux(value, math.copysign(1.0, slope), dt * u[p] / width)
                 f[p] = abs(slope) * passed + (1.0 - abs(slope)) * f[p]
 
@@ -405,7 +504,7 @@ def release_surface(
 
 def transport(
     fraction: Array, begin: Array, flow: tuple[Array, Array, Array], order: tuple[int, int, int], dt: float,
-    orientation: tuple[Single, Single, Single], faces: Spans, cells: Spans,
+    orientation: tuple[Single, Single, Single], planes: bool, faces: Spans, cells: Spans,
     metrics: Metrics, flux: Array, fill: Callable[[Array], None],
 ) -> None:  # fmt: skip
     """Carry the fraction over one step; `fill(fraction)` sets the halo after each sweep.
@@ -424,12 +523,14 @@ def transport(
         [s]
     orientation : three arrays, changed
         Work space.
+    planes : bool
+        As in `sweep_fluxes`.
     faces, cells : Spans
         Water, 4 and 3 cells wider: each sweep can wet one more cell.
     """
     orient(fraction, orientation, cells)
     for axis in order:
-        sweep_fluxes(fraction, flow[axis], axis, dt, orientation, faces, metrics, flux)
+        sweep_fluxes(fraction, flow[axis], axis, dt, orientation, planes, faces, metrics, flux)
         sweep_update(fraction, begin, flow[axis], flux, axis, dt, cells, metrics)
         fill(fraction)
     remove_dilatation(fraction, begin, flow, dt, cells, metrics)

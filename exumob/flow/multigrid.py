@@ -13,7 +13,7 @@ spans of wet cells are visited. Outside them couplings and pivots are exact zero
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, prange
@@ -156,7 +156,7 @@ class Levels:
         narrowest, pz = float(min(np.diff(x).min(), np.diff(y).min())), len(metrics.dz)
         kept_x, kept_y = np.arange(len(x)), np.arange(len(y))
         shapes, row, cell, place_x, place_y = [], 0, 0, 0, 0
-        joints: list[tuple[Array, ...]] = []
+        joints: list[tuple[NDArray[Any], ...]] = []
         while True:
             finer_x, finer_y = x, y
             x, y = x[kept_x], y[kept_y]
@@ -173,10 +173,9 @@ class Levels:
             if min(nx, ny) <= COARSEST:
                 break
         start = np.full(row, HALO // 2, dtype=np.int32)
-        self.store = Store(
-            np.array(shapes), start, start.copy(), *(np.zeros(cell, dtype=np.float32) for _ in range(7)),
-            *map(np.concatenate, zip(*joints, strict=True)),
-        )  # fmt: skip
+        values: list[NDArray[Any]] = [np.zeros(cell, dtype=np.float32) for _ in range(7)]
+        values += [np.concatenate(parts) for parts in zip(*joints, strict=True)]
+        self.store = Store(np.array(shapes), start, start.copy(), *values)
         fine = 2 * shapes[0][2] * shapes[0][3] * shapes[0][4]
         self.vectors = Vectors(*(np.zeros(fine) for _ in Vectors._fields))
         self.levels: list[Level] = [level_of(self.store, d) for d in range(len(shapes))]

@@ -10,6 +10,7 @@ from exumob.checks import require_positive, require_within
 from exumob.flow import turbulence
 
 DEFAULT_CLOSURE = turbulence.Smagorinsky()
+SURFACES = "thinc", "plic"
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,8 @@ class FlowSettings:
         Turbulence model (`exumob.flow.turbulence.Closure`); None: laminar.
     viscosity : float
         Molecular, kinematic [m^2/s].
+    surface : str
+        How the surface is carried: "thinc", a smooth profile, or "plic", a plane in each cell, as a cross-check.
     wall_shear : bool
         Whether solids exert wall friction.
     bed_roughness : float or None
@@ -71,6 +74,7 @@ class FlowSettings:
     closed_top: bool = False
     closure: turbulence.Closure | None = DEFAULT_CLOSURE
     viscosity: float = turbulence.MOLECULAR_VISCOSITY
+    surface: str = "thinc"
     wall_shear: bool = True
     bed_roughness: float | None = None
     sharp_edges: bool = True
@@ -89,6 +93,8 @@ class FlowSettings:
             "FlowSettings", absorbing_width=self.absorbing_width, tolerance=self.tolerance, fastest=self.fastest,
             iterations=self.iterations,
         )  # fmt: skip
+        if self.surface not in SURFACES:
+            raise ValueError(f"FlowSettings.surface = {self.surface!r}; take one of {', '.join(SURFACES)}.")
         require_within("FlowSettings", 0.0, 1.0e2, absorbing_strength=self.absorbing_strength)
         require_within("FlowSettings", 0.0, 1.0e5, void_stiffness=self.void_stiffness)
         require_within("FlowSettings", 0.0, 1.0, viscosity=self.viscosity)

@@ -367,8 +367,7 @@ class FlowSolver:
             )  # fmt: skip
         interface.transport(
             fraction, begin, self._flow, SWEEPS[old.steps % len(SWEEPS)], dt,
-            self._orientation, self._near, self._cells, m,
-            self._scratch, self._fill_fraction,
+            self._orientation, s.surface == "plic", self._near, self._cells, m, self._scratch, self._fill_fraction,
         )  # fmt: skip
         if s.far_x or s.far_y:
             boundary.relax_level(

@@ -15,6 +15,7 @@ from exumob.flow.captive import captive_run
 from exumob.flow.grid import Grid
 from exumob.flow.motion import CaptiveMotion
 from exumob.flow.settings import FlowSettings
+from exumob.flow.tread import Tread
 from exumob.provenance import parameters_json
 from exumob.results import load_dataset, save_dataset
 from exumob.vehicle import Vehicle
@@ -49,6 +50,7 @@ def finished_run(
     settings: FlowSettings | None = None,
     snapshots: float | None = None,
     allow_coarse: bool = False,
+    tread: Tread | None = None,
     label: str = "",
 ) -> xr.Dataset:
     """Give a captive run that has been made, or make it (`captive_run`) and keep it.
@@ -67,7 +69,7 @@ def finished_run(
             {
                 "vehicle": vehicle, "water": water, "motion": motion, "cell_size": cell_size, "duration": duration,
                 "interval": interval, "grid": grid, "settings": replace(settings, threads=1), "snapshots": snapshots,
-                "flow": flow_revision(),
+                "tread": tread, "flow": flow_revision(),
             }
         ).encode()
     ).hexdigest()[:16]  # fmt: skip
@@ -88,7 +90,7 @@ def finished_run(
 
     run = captive_run(
         vehicle, water, motion, cell_size=cell_size, duration=duration, interval=interval, grid=grid,
-        settings=settings, snapshots=snapshots, allow_coarse=allow_coarse, progress=progress,
+        settings=settings, snapshots=snapshots, allow_coarse=allow_coarse, progress=progress, tread=tread,
     )  # fmt: skip
     if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True)
