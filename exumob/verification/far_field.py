@@ -8,9 +8,10 @@ velocity c is only weakened, to exp(-2 integral of the rate / c) on its way to t
 Hence 5 % is demanded for waves up to twice the zone's width, straight or oblique, and the level must return to still
 water to 0.1 % of the depth.
 
-Oblique waves do see a change of impedance. Linear theory of long waves (an ordinary equation across the zone) gives,
-for a strength of 8 and waves one (two) zone widths long at 30, 45 and 60 degrees, 2, 8 and 23 (8, 19 and 36) % with the
-same rate for both components, and 1, 5 and 18 (6, 14 and 30) % with a quarter of it for that along the side.
+Oblique waves do see a change of impedance in a zone that damps all alike: linear theory of long waves (an ordinary
+equation across the zone) gives, for rates that rise with the square and a strength of 8, and waves one (two) zone
+widths long at 30, 45 and 60 degrees, 2, 8 and 23 (8, 19 and 36) %. A matched layer (`exumob.flow.boundary`) has none:
+what is left is what the layer does not absorb, exp(-strength cos(angle) / 2), and that these waves are not long.
 """
 
 from __future__ import annotations
