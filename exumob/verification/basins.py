@@ -151,8 +151,9 @@ def hump(grid: Grid, depth: float, height: float, width: float, middle: tuple[fl
 
 
 def pressure_effort() -> list[Check]:
-    """Iterations of the pressure solver on a spreading hump, 100k to 800k cells, uniform grids and such as that round the
-    vehicle; one against two threads.
+    """Iterations of the pressure solver on a spreading hump, 100k to 800k cells; one against two threads.
+
+    Stretched grids are such as that round the vehicle: their widest cells are four to five times as long as high.
     """
     checks = []
     uniform = {cell: Grid.uniform((-1.5, -1.5, 0), (1.5, 1.5, 0.3), cell) for cell in (0.030, 0.0238, 0.0189, 0.015)}
