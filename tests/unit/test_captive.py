@@ -10,7 +10,17 @@ from scipy.spatial.transform import Rotation
 
 from exumob.environment import Water
 from exumob.errors import SimulationError, SimulationInterrupted
-from exumob.flow import CaptiveMotion, FlowSettings, FlowSolver, Grid, captive_run, captive_summary, check_resolution
+from exumob.flow import (
+    CaptiveMotion,
+    FlowSettings,
+    FlowSolver,
+    Grid,
+    KOmegaSST,
+    Tread,
+    captive_run,
+    captive_summary,
+    check_resolution,
+)
 from exumob.flow.captive import VARIABLES, captive_grid
 from exumob.maneuver import lane_change
 from exumob.results import load_dataset, save_dataset
@@ -273,6 +283,27 @@ def test_water_pushes_a_drifting_vehicle_back_and_aside(drifting):
     assert hull[0] < 0.0
     assert hull[1] < 0.0
     assert 80.0 < hull[2] < 260.0
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"settings": FlowSettings(absorbing_width=0.3, closure=KOmegaSST())},
+        {"settings": FlowSettings(absorbing_width=0.3, surface="plic")},
+        {"tread": Tread(lug_height=0.01, lug_count=24)},
+    ],
+    ids=["k-omega SST", "PLIC", "lugs"],
+)
+def test_models_of_turbulence_surface_and_tread_run_on_the_vehicle(drifting, changes):
+    """Each changes the loads, but not what they are about: 0.15 s from the start, forces on the hull within 15 %."""
+    run = captive_run(VEHICLE, WATER, DRIFTING, **(COARSE | {"duration": 0.15} | changes))
+    late = slice(-10, None)
+    with_it, without = (d["force"].sel(body="hull").isel(time=late).mean("time").values for d in (run, drifting))
+    assert np.abs(with_it - without).max() < 0.15 * np.abs(without).max()
+    wheels = [d["force"].isel(body=slice(1, 5), time=late).values for d in (run, drifting)]
+    assert np.abs(wheels[0] - wheels[1]).max() > 1e-3
+    if "tread" in changes:
+        assert "lug_height" in run.attrs["parameters"]
 
 
 def test_states_are_those_of_the_motion(drifting):

@@ -18,6 +18,7 @@ SHORT = ["--cell-size", "0.05", "--coarse", "--interval", "5e-3", "--duration", 
 OPTIONS = {
     "--speed": "1.0", "--current": "1.0", "--depth": "0.12", "--drift-angle": "0", "--yaw-rate": "0",
     "--wheel-speed": "0", "--steering": "0", "--cell-size": "0.018", "--duration": "3", "--threads": "1",
+    "--closure": "smagorinsky", "--surface": "thinc",
     "--ramp-time": "1.0", "--vehicle": None, "--output": None, "--figure": None, "--animate": None, "--vtk": None,
 }  # fmt: skip
 
@@ -29,6 +30,15 @@ def call(*arguments):
 def plain(text):
     """Without colours and line breaks."""
     return " ".join(re.sub(r"\x1b\[[0-9;]*m", "", text).split())
+
+
+def test_closure_and_surface_reach_the_solver(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    answer = call(*SHORT, "--closure", "none", "--surface", "plic", "--output", "run.nc")
+    assert answer.exit_code == 0, answer.output
+    settings = json.loads(load_dataset(tmp_path / "run.nc").attrs["parameters"])["settings"]["FlowSettings"]
+    assert settings["closure"] is None
+    assert settings["surface"] == "plic"
 
 
 def test_help_explains_every_option_with_its_default():
@@ -49,6 +59,8 @@ def test_help_explains_every_option_with_its_default():
         (["--depth", "-1"], r"Water\.depth = -1"),
         (["--threads", "0"], r"FlowSettings\.threads = 0"),
         (["--cell-size", "0"], r"cell_size"),
+        (["--closure", "mule"], r"'mule' is not one of 'smagorinsky', 'k-omega-sst', 'none'"),
+        (["--surface", "mule"], r"FlowSettings\.surface = 'mule'; take one of thinc, plic"),
         (["--steering", "50", "--ramp-time", "0.01"], r"50\.0 deg, beyond the 35\.0 deg"),
         (["--duration", "0.021"], r"duration = 0\.021 s must be a whole multiple"),
         (["--vehicle", "absent.py"], r"absent\.py does not exist"),
