@@ -526,7 +526,7 @@ def transport(
     planes : bool
         As in `sweep_fluxes`.
     faces, cells : Spans
-        Water, 4 and 3 cells wider: each sweep can wet one more cell.
+        Water, 2 cells and 1 cell wider: the three sweeps together wet no cell that does not touch water.
     """
     orient(fraction, orientation, cells)
     for axis in order:

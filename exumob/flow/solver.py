@@ -100,8 +100,8 @@ class FlowSolver:
         unknown = np.full(shape, interface.UNKNOWN)
         self._orientation = unknown, unknown.copy(), unknown.copy()
         self._label = np.zeros(shape, dtype=np.uint8)
-        # spans of the wet cells, of these one cell wider, and of all water 3 and 4 cells wider
-        self._wet, self._active, self._cells, self._near = (Spans.empty(shape) for _ in range(4))
+        # spans of the wet cells, of these one cell wider, and of all water 1, 2 and 4 cells wider
+        self._wet, self._active, self._cells, self._faces, self._near = (Spans.empty(shape) for _ in range(5))
         self._water = Spans.empty(shape)
         self._scratch = np.zeros(shape)
         self._viscosity = np.full(shape, settings.viscosity)
@@ -367,7 +367,7 @@ class FlowSolver:
             )  # fmt: skip
         interface.transport(
             fraction, begin, self._flow, SWEEPS[old.steps % len(SWEEPS)], dt,
-            self._orientation, s.surface == "plic", self._near, self._cells, m, self._scratch, self._fill_fraction,
+            self._orientation, s.surface == "plic", self._faces, self._cells, m, self._scratch, self._fill_fraction,
         )  # fmt: skip
         if s.far_x or s.far_y:
             boundary.relax_level(
@@ -502,7 +502,8 @@ class FlowSolver:
         spans.mark_wet(state.fraction, state.wet, interface.EMPTY, self._wet, self._water)
         width = state.fraction.shape[2]
         spans.widen(self._wet, 1, self._active, width)
-        spans.widen(self._water, extension.REACH - 1, self._cells, width)
+        spans.widen(self._water, 1, self._cells, width)
+        spans.widen(self._water, 2, self._faces, width)
         spans.widen(self._water, extension.REACH, self._near, width)
         moving = (*state.velocity, *state.extended, *state.carrying)
         spans.clear_outside(moving, state.lo, state.hi, self._near)
