@@ -19,8 +19,19 @@ KNOWN_MISSES = {
     "drag coefficient, square, U 0.8 m/s (Fr 0.81)": (0.30, CORNERS),
     "drag coefficient, round, U 0.3 m/s (Fr 0.30)": (0.53, SMOOTH),
     "drag coefficient, round, U 0.5 m/s (Fr 0.50)": (0.4, SMOOTH),
+    "hull, depth Froude number of the largest coefficient": (
+        0.45,
+        "a blunt hull's bow wave stands and breaks before it",
+    ),
 }
 """Name of a check -> (largest |error| it may have, why). Such a check must still miss: an improvement is noticed."""
+
+TURBULENT = {
+    "hull Fx, mean, window doubled": (0.13, "+8 +- 4 % over 9 s, -5 +- 6 % over 4.5 s"),
+    "hull My, mean, window doubled": (0.12, "+5 +- 3 %"),
+    "hull Fz, held against towed, over hull Fx": (0.03, "0.1 % of the lift itself, which is 17 times the drag"),
+}
+"""The same for differences of means of turbulent flows, which lie about their limit: these may meet it too."""
 
 
 @pytest.mark.parametrize(
@@ -32,6 +43,10 @@ def test_case_meets_its_limits(case):
     bad = []
     for check in checks:
         line = f"{check.name}: {check.value:.6g}, reference {check.reference:.6g}, error {check.error:.3g}"
+        if check.name in TURBULENT:
+            if not abs(check.error) <= TURBULENT[check.name][0]:
+                bad.append(f"{line}: worse than its bound {TURBULENT[check.name][0]:.3g}")
+            continue
         if check.name not in KNOWN_MISSES:
             if not check.passed:
                 bad.append(f"{line}, limit {check.limit:.3g}")
