@@ -154,7 +154,7 @@ def oblique_waves() -> list[Check]:
 
 
 def drift() -> list[Check]:
-    """What 10 s leave of a hump of water: mean level, volume, and largest wave."""
+    """What 10 s leave of a hump of water: mean level, volume, and largest wave; the same of humps inside the zones."""
     checks = []
     for current in (0.0, 1.0):
         grid = Grid.uniform((-1.2, -1.2, 0), (1.2, 1.2, 0.24), (0.06, 0.06, 0.03))
@@ -167,6 +167,16 @@ def drift() -> list[Check]:
         where = f"10 s after a hump, current {current:g} m/s"
         checks.append(absolute(f"mean level over depth, {where}", float(level.mean()) / DEPTH, 0.0, 1e-3))
         checks.append(absolute(f"volume, {where}", solver.water_volume() / volume - 1.0, 0.0, 1e-3))
+        checks.append(reported(f"largest wave over depth, {where}", float(np.abs(level).max()) / DEPTH, 0.0))
+    for place, middle in (("a side", (0.0, 0.9)), ("a corner", (0.9, 0.9))):
+        grid = Grid.uniform((-1.2, -1.2, 0), (1.2, 1.2, 0.24), (0.06, 0.06, 0.03))
+        solver = started(grid, Water(DEPTH), OPEN)
+        solver.set_flow(filled_to(grid, hump(grid, DEPTH, 0.02, 0.2, middle)))
+        for n in range(250):
+            solver.advance(0.02 * (n + 1))
+        level = solver.surface_height() - DEPTH
+        where = f"5 s after a hump in the zone of {place}"
+        checks.append(absolute(f"mean level over depth, {where}", float(level.mean()) / DEPTH, 0.0, 1e-3))
         checks.append(reported(f"largest wave over depth, {where}", float(np.abs(level).max()) / DEPTH, 0.0))
     return checks
 
