@@ -18,8 +18,10 @@ import numba
 import numpy as np
 from numba import njit, prange
 
-from exumob.environment import Water
-from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, conjugate_gradients, multigrid, pressure, vehicle_solids
+from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, vehicle_solids
+from exumob.flow.pressure import assembly as pressure
+from exumob.flow.pressure import conjugate_gradients, multigrid
+from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 
 CELL_SIZES = (0.032, 0.025, 0.018, 0.0145, 0.011, 0.0104)

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from exumob.environment import Water
-from exumob.hydrodynamics import CoefficientHydrodynamics
-from exumob.hydrodynamics.states import flow_states
-from exumob.hydrodynamics.surface import N_SUMS, body_surfaces, wet_integrals
-from exumob.states import BodyStates
-from exumob.vehicle import Vehicle, load_vehicle
+from exumob.vehicle.motion import BodyStates
+from exumob.vehicle.parameters import Vehicle, load_vehicle
+from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.conditions import Water
+from exumob.water.flow_states import flow_states
+from exumob.water.wetted_surface import N_SUMS, body_surfaces, wet_integrals
 
 
 def standing(vehicle: Vehicle, n: int) -> BodyStates:

@@ -18,8 +18,8 @@ from collections.abc import Callable
 import numpy as np
 
 from exumob import CoefficientHydrodynamics, NoWater, Soil, Terrain, Water, lane_change, simulate
-from exumob.loads import soil_damping, vehicle_loads
-from exumob.multibody import MultibodyVehicle
+from exumob.multibody.applied_loads import soil_damping, vehicle_loads
+from exumob.multibody.system import MultibodyVehicle
 from vehicle_models.amphibious import amphibious_vehicle
 
 VEHICLE, SOIL, WATER = amphibious_vehicle(), Soil.published("LETE sand"), Water.at_ratio(0.6, 1.0)

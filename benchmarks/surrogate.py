@@ -16,11 +16,11 @@ from collections.abc import Callable
 import numpy as np
 from numba import njit
 
-from exumob.environment import Water
-from exumob.hydrodynamics import SurrogateHydrodynamics
-from exumob.hydrodynamics.networks import NetworkSet, geometry
 from exumob.learning.presets import PRESETS
-from exumob.states import BodyStates
+from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import NetworkSet, geometry
+from exumob.vehicle.motion import BodyStates
+from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 
 CALLS = 200

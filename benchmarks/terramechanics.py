@@ -20,8 +20,8 @@ from types import ModuleType
 import numpy as np
 from numba import njit
 
-from exumob import terramechanics
-from exumob.environment import Soil
+from exumob.ground import terramechanics
+from exumob.ground.soil import Soil
 
 VERIFICATION = Path(__file__).parents[1] / "tests" / "verification" / "test_terramechanics_quadrature.py"
 STATES = {

@@ -3,16 +3,18 @@
 vehicle, soil, water -> simulate(...) -> xarray.Dataset -> plotting
 """
 
-from exumob.environment import Soil, Water
-from exumob.errors import SimulationError, SimulationInterrupted
-from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, NoWater
-from exumob.maneuver import ConstantSteer, LaneChange, Recorded, lane_change
-from exumob.path_following import PathFollowing, lane_shift
-from exumob.results import load_dataset, save_dataset, summary
-from exumob.simulation import simulate
-from exumob.terrain import Terrain
-from exumob.terramechanics import wheel_soil_forces
-from exumob.vehicle import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones, load_vehicle
+from exumob.driving.maneuver import ConstantSteer, LaneChange, Recorded, lane_change
+from exumob.driving.path_following import PathFollowing, lane_shift
+from exumob.ground.soil import Soil
+from exumob.ground.terrain import Terrain
+from exumob.ground.terramechanics import wheel_soil_forces
+from exumob.simulation.results import load_dataset, save_dataset, summary
+from exumob.simulation.run import simulate
+from exumob.support.errors import SimulationError, SimulationInterrupted
+from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones, load_vehicle
+from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.conditions import Water
+from exumob.water.hydrodynamics import Hydrodynamics, NoWater
 
 __all__ = [
     "CoefficientHydrodynamics",

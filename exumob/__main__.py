@@ -13,7 +13,7 @@ from exumob.commands.shared import errors
 from exumob.commands.soils import soils_command
 from exumob.commands.sweep import sweep_command
 from exumob.commands.train import train_command
-from exumob.verification.command import verify_command
+from exumob.commands.verify import verify_command
 
 app = typer.Typer(
     no_args_is_help=True,

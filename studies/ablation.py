@@ -17,16 +17,16 @@ import numpy as np
 import xarray as xr
 from scipy import stats
 
-from exumob.hydrodynamics import SurrogateHydrodynamics
-from exumob.hydrodynamics.inputs import network_inputs
-from exumob.hydrodynamics.networks import NetworkSet
 from exumob.learning.dataset import body_states, load_runs, water_of
 from exumob.learning.evaluation import THINNING, compare
 from exumob.learning.report import MEASURES, markdown, plot_paths
-from exumob.plotting import save_figure
-from exumob.results import save_dataset
-from exumob.scenarios import UNSEEN
-from exumob.states import BODIES
+from exumob.paper.scenarios import UNSEEN
+from exumob.simulation.results import save_dataset
+from exumob.support.figures import save_figure
+from exumob.surrogates.inputs import network_inputs
+from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import NetworkSet
+from exumob.vehicle.motion import BODIES
 from vehicle_models.amphibious import amphibious_vehicle
 
 FIGURES = Path(__file__).parent / "figures"

@@ -35,18 +35,17 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from scipy.stats import spearmanr
 
-from exumob.errors import SimulationError
-from exumob.hydrodynamics import SurrogateHydrodynamics
-from exumob.hydrodynamics.networks import NetworkSet, geometry
-from exumob.hydrodynamics.surrogate import shipped_networks
 from exumob.learning.active import load_scale, rank
 from exumob.learning.dataset import base_loads, load_runs, usable
 from exumob.learning.evaluation import FAST, THINNING, closed_loop, drive, open_loop, predicted_loads
 from exumob.learning.presets import BEST, PRESETS, Preset
 from exumob.learning.training import Examples, examples, fit_body
-from exumob.plotting import STYLE, save_figure
-from exumob.results import save_dataset
-from exumob.scenarios import TRAINING, UNSEEN, Scenario
+from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
+from exumob.simulation.results import save_dataset
+from exumob.support.errors import SimulationError
+from exumob.support.figures import STYLE, save_figure
+from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
+from exumob.surrogates.networks import NetworkSet, geometry
 from vehicle_models.amphibious import amphibious_vehicle
 
 FIGURES = Path(__file__).parent / "figures"

@@ -20,8 +20,8 @@ from pathlib import Path
 import xarray as xr
 from matplotlib.figure import Figure
 
-from exumob.provenance import provenance
-from exumob.results import save_dataset
+from exumob.simulation.results import save_dataset
+from exumob.support.provenance import provenance
 from exumob.verification.towing import DEPTH, FROUDE_NUMBERS, resistance
 
 FIGURES = Path(__file__).parent / "figures"

@@ -21,11 +21,12 @@ from matplotlib.figure import Figure
 
 from exumob import Soil, lane_change, simulate
 from exumob.learning.dataset import pack
-from exumob.plotting import STYLE, plot_lateral_velocity, plot_path, plot_yaw, save_figure
-from exumob.reference_runs import SOIL, FlowRun, compute_all, set_up_log, work_folder
-from exumob.results import load_dataset, save_dataset
-from exumob.scenarios import TRAINING, UNSEEN, Scenario
-from exumob.smoothing import smoothed
+from exumob.paper.reference_runs import SOIL, FlowRun, compute_all, set_up_log, work_folder
+from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
+from exumob.simulation.plotting import plot_lateral_velocity, plot_path, plot_yaw
+from exumob.simulation.results import load_dataset, save_dataset
+from exumob.support.figures import STYLE, save_figure
+from exumob.support.smoothing import smoothed
 from vehicle_models.amphibious import amphibious_vehicle
 
 FIGURES = Path(__file__).parent / "figures"
@@ -148,7 +149,7 @@ def uncertainty(runs: Mapping[str, xr.Dataset], coefficients: xr.Dataset) -> Fig
 
 def surfaces(runs: Mapping[str, xr.Dataset]) -> Figure:
     """Free surface every 2 s (paper Fig. 9)."""
-    from exumob.flow.pictures import plot_surfaces
+    from exumob.flow.output.pictures import plot_surfaces
 
     figure = plt.figure(figsize=(11.0, 3.3 * len(runs)), layout="constrained")
     rows = np.atleast_1d(figure.subfigures(len(runs), 1))

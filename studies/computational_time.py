@@ -17,12 +17,14 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, SurrogateHydrodynamics
 from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import closed_loop, drive
-from exumob.plotting import STYLE, save_figure
-from exumob.results import save_dataset
-from exumob.scenarios import Scenario
+from exumob.paper.scenarios import Scenario
+from exumob.simulation.results import save_dataset
+from exumob.support.figures import STYLE, save_figure
+from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.hydrodynamics import Hydrodynamics
 from vehicle_models.amphibious import amphibious_vehicle
 
 FIGURES = Path(__file__).parent / "figures"

@@ -16,9 +16,9 @@ from pathlib import Path
 import xarray as xr
 
 from exumob.learning.dataset import pack
-from exumob.reference_runs import CELL_SIZE, FlowRun, compute_all, log, set_up_log, work_folder
-from exumob.results import load_dataset, save_dataset
-from exumob.scenarios import TRAINING, UNSEEN, Scenario
+from exumob.paper.reference_runs import CELL_SIZE, FlowRun, compute_all, log, set_up_log, work_folder
+from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
+from exumob.simulation.results import load_dataset, save_dataset
 from vehicle_models.amphibious import amphibious_vehicle
 
 DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"

@@ -13,7 +13,8 @@ import numpy as np
 import xarray as xr
 
 from exumob import Soil, Water, lane_change, simulate, summary
-from exumob.plotting import compare_runs, save_figure
+from exumob.simulation.plotting import compare_runs
+from exumob.support.figures import save_figure
 from vehicle_models.amphibious import amphibious_vehicle
 
 SCENARIOS = {

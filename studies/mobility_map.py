@@ -22,11 +22,12 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from exumob import Soil, load_dataset
-from exumob.crossing import FAILURES, Crossing, Limits, judge
-from exumob.mobility import Axis, MobilityMap, compute_map
-from exumob.plotting import plot_map, save_figure
-from exumob.results import save_dataset
-from exumob.scenarios import Scenario
+from exumob.mobility.crossing import FAILURES, Crossing, Limits, judge
+from exumob.mobility.map import Axis, MobilityMap, compute_map
+from exumob.mobility.map_figure import plot_map
+from exumob.paper.scenarios import Scenario
+from exumob.simulation.results import save_dataset
+from exumob.support.figures import save_figure
 from exumob.sweeps import sweep
 from exumob.sweeps.experiment import Experiment, amphibious_crossing
 from exumob.sweeps.runner import Progress

@@ -1,6 +1,6 @@
 """Can the vehicle hold a line in the current where the open-loop lane change drifts off?
 
-Stanley's steering law (`exumob.path_following`), its three gains tuned for D60/U1 with Exudyn's genetic optimisation
+Stanley's steering law (`exumob.driving.path_following`), its three gains tuned for D60/U1 with Exudyn's genetic optimisation
 and then Nelder & Mead's simplex, on the ensemble of networks; the objective is the root mean square distance from the
 line, and 10 mm for each rad/s of steering rate. The tuned driver is then sent through other water, too.
 
@@ -20,8 +20,8 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from exumob import LaneChange, PathFollowing, lane_shift
-from exumob.plotting import STYLE, save_figure
-from exumob.results import save_dataset
+from exumob.simulation.results import save_dataset
+from exumob.support.figures import STYLE, save_figure
 from exumob.sweeps import tune
 from exumob.sweeps.experiment import Experiment, amphibious_lane_change
 

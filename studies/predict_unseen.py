@@ -21,10 +21,10 @@ from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import compare
 from exumob.learning.presets import PRESETS
 from exumob.learning.report import ENSEMBLE, by_scenario, markdown, models, plot_paths
-from exumob.plotting import STYLE, save_figure
-from exumob.results import save_dataset
-from exumob.scenarios import UNSEEN
-from exumob.smoothing import smoothed
+from exumob.paper.scenarios import UNSEEN
+from exumob.simulation.results import save_dataset
+from exumob.support.figures import STYLE, save_figure
+from exumob.support.smoothing import smoothed
 from vehicle_models.amphibious import amphibious_vehicle
 
 FIGURES = Path(__file__).parent / "figures"

@@ -15,14 +15,14 @@ import matplotlib.pyplot as plt
 import xarray as xr
 from matplotlib.figure import Figure
 
-from exumob.hydrodynamics import SurrogateHydrodynamics
 from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import compare
 from exumob.learning.presets import BEST, PRESETS
 from exumob.learning.report import ENSEMBLE, by_scenario, markdown, models, plot_paths
-from exumob.plotting import STYLE, save_figure
-from exumob.results import save_dataset
-from exumob.scenarios import TRAINING, UNSEEN
+from exumob.paper.scenarios import TRAINING, UNSEEN
+from exumob.simulation.results import save_dataset
+from exumob.support.figures import STYLE, save_figure
+from exumob.surrogates.model import SurrogateHydrodynamics
 from vehicle_models.amphibious import amphibious_vehicle
 
 FIGURES = Path(__file__).parent / "figures"
@@ -37,7 +37,7 @@ def plan() -> Figure:
             axes.plot(
                 [s.current_speed for s in scenarios], [100 * s.depth_ratio for s in scenarios], style, label=label
             )
-        axes.set(xlabel="current [m/s]", ylabel="depth over tire diameter [%]", xlim=(-0.1, 1.1), ylim=(36, 66))
+        axes.set(xlabel="current [m/s]", ylabel="depth over tyre diameter [%]", xlim=(-0.1, 1.1), ylim=(36, 66))
         axes.legend(ncols=2, loc="upper center")
     return figure
 

@@ -49,8 +49,9 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
-from exumob.environment import GRAVITY, Soil
-from exumob.terramechanics import contact_stresses, wheel_soil_forces, wheel_soil_kernel
+from exumob.ground.soil import Soil
+from exumob.ground.terramechanics import contact_stresses, wheel_soil_forces, wheel_soil_kernel
+from exumob.support.constants import GRAVITY
 
 Array = NDArray[np.float64]
 

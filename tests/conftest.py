@@ -13,9 +13,10 @@ os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(tempfile.gettempdir()) / f"exu
 
 import pytest
 
-from exumob.environment import Soil, Water
-from exumob.maneuver import lane_change
-from exumob.simulation import simulate
+from exumob.driving.maneuver import lane_change
+from exumob.ground.soil import Soil
+from exumob.simulation.run import simulate
+from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 
 COARSE = {"micro_step": 5e-4, "macro_step": 20e-3}

@@ -5,7 +5,7 @@ The paper gives the total mass, wheelbase and ground clearance; everything else 
 
 import math
 
-from exumob.vehicle import Hull, Steering, Suspension, Vehicle, Wheel
+from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel
 
 
 def amphibious_vehicle() -> Vehicle:

@@ -6,7 +6,7 @@ different vehicle takes: this file, and nothing else.
 
 import math
 
-from exumob.vehicle import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones
+from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones
 
 
 def light_4x4() -> Vehicle:

@@ -12,7 +12,7 @@ from situations import Situation
 WATER_VISCOSITY, AIR_VISCOSITY, WATER_DENSITY, AIR_DENSITY = 1.0e-6, 1.48e-5, 1000.0, 1.2
 """[m^2/s], [kg/m^3]"""
 GRAVITY = 9.81
-"""[m/s^2], as in `exumob.environment`"""
+"""[m/s^2], as in `exumob.ground.soil`"""
 TURBULENCE = ("kOmegaSST", "laminar", "Smagorinsky")
 INTENSITY = 0.01
 """Of the turbulence in the undisturbed flow [-]."""

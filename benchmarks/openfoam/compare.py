@@ -26,10 +26,10 @@ import interfoam
 from case_files import GRAVITY, TURBULENCE, WATER_DENSITY, profile_points, profile_row
 from situations import SITUATIONS, Situation
 
-from exumob.environment import Water
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box
-from exumob.flow.body import HULL_FRICTION
-from exumob.results import provenance, save_dataset
+from exumob.flow.solids import HULL_FRICTION
+from exumob.simulation.results import provenance, save_dataset
+from exumob.water.conditions import Water
 
 INTERVAL = 0.005
 """Between records of our loads [s]; steps within are as long as the Courant number allows."""

@@ -3,9 +3,9 @@
 import argparse
 
 from exumob import Soil, Water, lane_change, simulate, summary
-from exumob.coupling import SemiImplicit
-from exumob.hydrodynamics import CfdHydrodynamics
-from exumob.hydrodynamics.remote import RemoteFlow
+from exumob.coupling.flow_in_loop import CfdHydrodynamics
+from exumob.coupling.remote import RemoteFlow
+from exumob.coupling.schemes import SemiImplicit
 from vehicle_models.amphibious import amphibious_vehicle
 
 

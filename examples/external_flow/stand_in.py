@@ -1,4 +1,4 @@
-"""A stand-in for your flow code: listens at a port and answers the questions of `exumob.hydrodynamics.remote`.
+"""A stand-in for your flow code: listens at a port and answers the questions of `exumob.coupling.remote`.
 
     python examples/external_flow/stand_in.py --port 5005 &
     python examples/external_flow/drive.py --port 5005
@@ -80,7 +80,7 @@ def serve(connection):
             elif question["do"] == "restore":
                 water.restore(question["state"])
             elif question["do"] != "stop":
-                answer = {"error": f"{question['do']!r} is not known; see exumob/hydrodynamics/remote.py"}
+                answer = {"error": f"{question['do']!r} is not known; see exumob/coupling/remote.py"}
         except Exception as error:
             answer = {"error": f"stand-in flow: {type(error).__name__}: {error}"}
         send(connection, answer)

@@ -79,9 +79,11 @@ def captive_command(
     targets = {"--output": output, "--figure": figure, "--animate": animate}
     try:
         check_targets(targets)
-        from exumob.environment import Water
-        from exumob.flow import CaptiveMotion, FlowSettings, KOmegaSST, Smagorinsky, captive_run
-        from exumob.flow.vtk_files import VtkSeries
+        from exumob.flow import FlowSettings, KOmegaSST, Smagorinsky
+        from exumob.flow.output.vtk import VtkSeries
+        from exumob.towing_tank.motion import CaptiveMotion
+        from exumob.towing_tank.run import captive_run
+        from exumob.water.conditions import Water
 
         car = vehicle_of(vehicle)
         water = Water(depth, current, math.radians(current_direction))
@@ -113,7 +115,7 @@ def captive_command(
 
 
 def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
-    from exumob.flow.pictures import animate_surface, plot_captive
+    from exumob.flow.output.pictures import animate_surface, plot_captive
 
     if result.sizes["time"] > 1:
         _print_loads(result)
@@ -121,7 +123,7 @@ def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
 
 
 def _print_loads(result: xr.Dataset) -> None:
-    from exumob.flow import captive_summary
+    from exumob.towing_tank.run import captive_summary
 
     loads = captive_summary(result)
     table = Table(

@@ -18,7 +18,7 @@ def export_command(
 
     Example: exumob export networks/residual_seed0.safetensors --output residual.onnx
     """
-    from exumob.hydrodynamics.networks import NetworkSet
+    from exumob.surrogates.networks import NetworkSet
 
     try:
         check_targets({"--output": output})

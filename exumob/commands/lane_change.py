@@ -24,8 +24,8 @@ from exumob.commands.shared import (
 if TYPE_CHECKING:
     import xarray as xr
 
-    from exumob.hydrodynamics import Hydrodynamics
-    from exumob.vehicle import Vehicle
+    from exumob.vehicle.parameters import Vehicle
+    from exumob.water.hydrodynamics import Hydrodynamics
 
 
 class WaterModel(StrEnum):
@@ -92,19 +92,17 @@ def lane_change_command(
     With the flow solver in the loop: exumob lane-change --hydrodynamics cfd --cell-size 0.018 --coarse --checkpoint
     run.npz --output run.nc; when it was stopped, the same with --resume.
     """
-    from exumob.coupling import Coupling, Explicit, SemiImplicit, Strong
-    from exumob.ensemble import add_members
-    from exumob.environment import Soil, Water
-    from exumob.hydrodynamics import (
-        CfdHydrodynamics,
-        CoefficientHydrodynamics,
-        NoWater,
-        SurrogateHydrodynamics,
-        VehicleFlow,
-    )
-    from exumob.hydrodynamics.coupled import development_span
-    from exumob.maneuver import lane_change
-    from exumob.simulation import simulate
+    from exumob.coupling.flow_code import BuiltInFlow
+    from exumob.coupling.flow_in_loop import CfdHydrodynamics, development_span
+    from exumob.coupling.schemes import Coupling, Explicit, SemiImplicit, Strong
+    from exumob.driving.maneuver import lane_change
+    from exumob.ground.soil import Soil
+    from exumob.simulation.ensemble import add_members
+    from exumob.simulation.run import simulate
+    from exumob.surrogates.model import SurrogateHydrodynamics
+    from exumob.water.coefficients import CoefficientHydrodynamics
+    from exumob.water.conditions import Water
+    from exumob.water.hydrodynamics import NoWater
 
     targets = {"--output": output, "--figure": figure, "--animate": animate}
     try:
@@ -116,7 +114,7 @@ def lane_change_command(
         water = None
         if wet:
             direction = math.radians(current_direction)
-            water = Water.at_ratio(depth_ratio, current, tire_diameter=car.wheel.diameter, current_direction=direction)
+            water = Water.at_ratio(depth_ratio, current, tyre_diameter=car.wheel.diameter, current_direction=direction)
         model: Hydrodynamics = NoWater()
         scheme: Coupling | None = None
         lead = 0.0
@@ -128,7 +126,7 @@ def lane_change_command(
         elif water is not None and hydrodynamics is WaterModel.cfd:
             from exumob.flow import FlowSettings
 
-            flow = VehicleFlow(
+            flow = BuiltInFlow(
                 cell_size, settings=FlowSettings(threads=threads), allow_coarse=coarse,
                 snapshots=0.05 if animate else None,
             )  # fmt: skip
@@ -172,7 +170,8 @@ def lane_change_command(
 
 def _networks(files: list[Path] | None, car: Vehicle, required: bool) -> Hydrodynamics:
     """Networks, or the coefficient model where none fit the vehicle and nobody asked for them."""
-    from exumob.hydrodynamics import CoefficientHydrodynamics, SurrogateHydrodynamics
+    from exumob.surrogates.model import SurrogateHydrodynamics
+    from exumob.water.coefficients import CoefficientHydrodynamics
 
     try:
         model = SurrogateHydrodynamics(files or None)
@@ -187,19 +186,20 @@ def _networks(files: list[Path] | None, car: Vehicle, required: bool) -> Hydrody
 
 
 def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
-    from exumob.plotting import animate_run, plot_run
-    from exumob.results import summary
+    from exumob.simulation.animation import animate_run
+    from exumob.simulation.plotting import plot_run
+    from exumob.simulation.results import summary
 
     if result.sizes["time"] > 1:
         _print_summary(result, summary(result))
     animate: Callable[[xr.Dataset, Path], None] = animate_run
     if "hydrodynamics_elevation" in result:
-        from exumob.flow.pictures import animate_surface as animate
+        from exumob.flow.output.pictures import animate_surface as animate
     write_result(result, targets, plot_run, animate)
 
 
 def _print_summary(result: xr.Dataset, figures: dict[str, float]) -> None:
-    from exumob.plotting import scenario_name
+    from exumob.simulation.plotting import scenario_name
 
     lines = {
         "run": f"{result.attrs['title'].removeprefix('exumob run of ')}, {scenario_name(result)}, "

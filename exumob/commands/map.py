@@ -47,11 +47,11 @@ def map_command(
     """
     from dataclasses import replace
 
-    from exumob.crossing import Crossing, Limits
-    from exumob.mobility import SCATTER, Axis, MobilityMap, compute_map
+    from exumob.mobility.crossing import Crossing, Limits
+    from exumob.mobility.map import SCATTER, Axis, MobilityMap, compute_map
     from exumob.sweeps.experiment import amphibious_crossing
     from exumob.sweeps.runner import Progress
-    from exumob.vehicle import load_vehicle
+    from exumob.vehicle.parameters import load_vehicle
 
     try:
         check_targets({"--figure": figure, "--csv": csv})
@@ -95,7 +95,8 @@ def map_command(
         import matplotlib
 
         matplotlib.use("Agg")
-        from exumob.plotting import plot_map, save_figure
+        from exumob.mobility.map_figure import plot_map
+        from exumob.support.figures import save_figure
 
         console.print(f"figure    {save_figure(plot_map(result), figure)}", highlight=False)
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-    from exumob.vehicle import Vehicle
+    from exumob.vehicle.parameters import Vehicle
 
 console = Console()
 errors = Console(stderr=True)
@@ -54,7 +54,7 @@ def counting_bar(description: str, total: int, unit: str) -> Iterator[tuple[Prog
 
 def whatever_was_computed(run: Callable[[], xr.Dataset], output: Path | None) -> tuple[xr.Dataset, int]:
     """Result of a run, whole or up to where it broke or was stopped, and the exit code that says which."""
-    from exumob.errors import SimulationError, SimulationInterrupted
+    from exumob.support.errors import SimulationError, SimulationInterrupted
 
     try:
         return run(), 0
@@ -78,7 +78,7 @@ def whatever_was_computed(run: Callable[[], xr.Dataset], output: Path | None) ->
 
 def vehicle_of(file: Path | None) -> Vehicle:
     """Of a vehicle file; the paper's without one."""
-    from exumob.vehicle import load_vehicle
+    from exumob.vehicle.parameters import load_vehicle
 
     if file is not None:
         return load_vehicle(file)
@@ -124,7 +124,7 @@ def write_result(
     animate: Callable[[xr.Dataset, Path], None],
 ) -> None:  # fmt: skip
     """Write the result, and draw it where that was asked for."""
-    from exumob.results import save_dataset
+    from exumob.simulation.results import save_dataset
 
     if targets["--output"]:
         console.print(f"result    {save_dataset(result, targets['--output'])}", highlight=False)
@@ -136,7 +136,7 @@ def write_result(
     import matplotlib
 
     matplotlib.use("Agg")
-    from exumob.plotting import save_figure
+    from exumob.support.figures import save_figure
 
     if targets["--figure"]:
         console.print(f"figure    {save_figure(plot(result), targets['--figure'])}", highlight=False)

@@ -12,7 +12,7 @@ from exumob.commands.shared import console
 
 def soils_command() -> None:
     """List the published soils with their Bekker-Wong parameters."""
-    from exumob.environment import Soil
+    from exumob.ground.soil import Soil
 
     table = Table(
         title="Published soils (Wong, Theory of Ground Vehicles)",

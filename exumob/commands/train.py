@@ -64,8 +64,9 @@ def train_command(
     import matplotlib
 
     matplotlib.use("Agg")
-    from exumob.hydrodynamics.networks import NetworkSet
-    from exumob.plotting import plot_learning_curves, save_figure
+    from exumob.learning.curves import plot_learning_curves
+    from exumob.support.figures import save_figure
+    from exumob.surrogates.networks import NetworkSet
 
     for name in wanted:
         sets = [NetworkSet.load(file) for (preset_name, _), file in files.items() if preset_name == name]

@@ -4,22 +4,18 @@ solver = FlowSolver(grid, solids, water, settings)
 solver.start(poses)
 loads = solver.advance(time, poses)
 
-A vehicle on a prescribed path: ``captive_run(vehicle, water, CaptiveMotion(speed=1.0))``.
+The step reads like the method in `exumob.flow.solver`. A vehicle on a prescribed path: `exumob.towing_tank`.
 """
 
-from exumob.flow.body import Poses, Solid, box, cylinder, hull_prism, mesh_solid, prism, sphere, vehicle_solids
-from exumob.flow.captive import captive_run, captive_summary
-from exumob.flow.captive_checks import check_resolution
 from exumob.flow.grid import Grid
-from exumob.flow.motion import CaptiveMotion, PrescribedMotion
 from exumob.flow.settings import FlowSettings
+from exumob.flow.solids import Poses, Solid, box, cylinder, hull_prism, mesh_solid, prism, sphere, vehicle_solids
 from exumob.flow.solver import FlowSolver
 from exumob.flow.state import Loads, StepReport
 from exumob.flow.tread import Tread
-from exumob.flow.turbulence import KOmegaSST, Smagorinsky
+from exumob.flow.turbulence.closures import KOmegaSST, Smagorinsky
 
 __all__ = [
-    "CaptiveMotion", "FlowSettings", "FlowSolver", "Grid", "KOmegaSST", "Loads", "Poses", "PrescribedMotion",
-    "Smagorinsky", "Solid", "StepReport", "Tread", "box", "captive_run", "captive_summary", "check_resolution",
-    "cylinder", "hull_prism", "mesh_solid", "prism", "sphere", "vehicle_solids",
+    "FlowSettings", "FlowSolver", "Grid", "KOmegaSST", "Loads", "Poses", "Smagorinsky", "Solid", "StepReport", "Tread",
+    "box", "cylinder", "hull_prism", "mesh_solid", "prism", "sphere", "vehicle_solids",
 ]  # fmt: skip

@@ -13,10 +13,10 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from exumob.flow.body import Openness
+from exumob.flow.active_rows import ActiveRows
 from exumob.flow.grid import HALO, Metrics
-from exumob.flow.spans import Spans
-from exumob.states import Array
+from exumob.flow.solids import AreaFractions
+from exumob.support.arrays import Array
 
 RESOLVED = 0.01
 """Fraction below which spray does not limit the time step [-]; its transport stays bounded by what the cell holds."""
@@ -50,7 +50,7 @@ def _edges(
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def turn(u: Array, v: Array, w: Array, out: tuple[Array, Array, Array], turned: float, spans: Spans) -> None:
+def turn(u: Array, v: Array, w: Array, out: tuple[Array, Array, Array], turned: float, spans: ActiveRows) -> None:
     """Velocity `u`, `v`, `w` in axes that have turned by `turned` [rad] about z since."""
     ny, nz, nx = u.shape
     one, sy = np.uintp(1), np.uintp(nz * nx)
@@ -71,7 +71,7 @@ def turn(u: Array, v: Array, w: Array, out: tuple[Array, Array, Array], turned: 
 @njit(cache=True, error_model="numpy", parallel=True)
 def advect(
     out: Array, q: Array, flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], open_faces: Array, axis: int,
-    dt: float, spans: Spans, metrics: Metrics,
+    dt: float, spans: ActiveRows, metrics: Metrics,
 ) -> None:  # fmt: skip
     """Add to one velocity component its advection over one step.
 
@@ -84,12 +84,12 @@ def advect(
     flow : three arrays
         Velocity relative to the grid on full faces [m/s].
     wet, open_faces : array
-        Wet cells; openness of this component's faces. Faces that are dry or closed are left alone.
+        Wet cells; area_fractions of this component's faces. Faces that are dry or closed are left alone.
     axis : int
         0 x, 1 y, 2 z.
     dt : float
         [s]
-    spans : Spans
+    spans : ActiveRows
         Of the wet cells, one cell wider.
     """
     ny, nz, nx = q.shape
@@ -130,7 +130,7 @@ def advect(
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def full_velocity(
-    carrying: tuple[Array, Array, Array], velocity: tuple[Array, Array, Array], solids: Openness, spans: Spans
+    carrying: tuple[Array, Array, Array], velocity: tuple[Array, Array, Array], solids: AreaFractions, spans: ActiveRows
 ) -> None:
     """Velocity on full faces: water where they are open, the solid where they are closed [m/s]."""
     ny, nz, nx = velocity[0].shape
@@ -153,7 +153,7 @@ def full_velocity(
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def relative_velocity(
-    relative: tuple[Array, Array, Array], carrying: tuple[Array, Array, Array], frame: Array, spans: Spans,
+    relative: tuple[Array, Array, Array], carrying: tuple[Array, Array, Array], frame: Array, spans: ActiveRows,
     metrics: Metrics,
 ) -> None:  # fmt: skip
     """Velocity relative to the grid, whose origin moves at frame[0:2] [m/s] and which yaws at frame[2] [rad/s]."""
@@ -175,7 +175,7 @@ def relative_velocity(
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def largest_courant(
-    relative: tuple[Array, Array, Array], fraction: Array, metrics: Metrics, spans: Spans, rates: Array
+    relative: tuple[Array, Array, Array], fraction: Array, metrics: Metrics, spans: ActiveRows, rates: Array
 ) -> None:
     """Per row j the largest sum of speed over width in a cell with water [1/s]; infinite if it is not a number."""
     ny, nz, nx = fraction.shape

@@ -13,18 +13,18 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from exumob.environment import Water
 from exumob.flow.advection import RESOLVED
-from exumob.flow.body import FAR, Openness
 from exumob.flow.grid import HALO, Grid, Metrics
-from exumob.flow.wall import friction_velocity
-from exumob.states import Array
-from exumob.terrain import Terrain, terrain_height
+from exumob.flow.solids import FAR, AreaFractions
+from exumob.flow.turbulence.wall import friction_velocity
+from exumob.ground.terrain import Terrain, terrain_height
+from exumob.support.arrays import Array
+from exumob.water.conditions import Water
 
-log = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 
 SHUT = 1.0e-6
-"""Openness below which the bed closes a face [-]."""
+"""AreaFractions below which the bed closes a face [-]."""
 STEEP = 1.0e-3
 """Rise of the bed over a face, in cell heights, below which it counts as level [-]."""
 CONTOUR = 1.0e-3
@@ -45,7 +45,7 @@ class Bed:
     terrain : Terrain
     grid : Grid
     number : int
-        That stands for the bed in `Openness.nearest`: one more than those of the solids.
+        That stands for the bed in `AreaFractions.nearest`: one more than those of the solids.
 
     Attributes
     ----------
@@ -89,21 +89,23 @@ class Bed:
         self._frame, self.region[3] = frame.copy(), top
         return True
 
-    def lay(self, region: NDArray[np.int64], openness: Openness) -> None:
-        """Set openness, distance and nearest in an index box to those of the bed alone."""
+    def lay(self, region: NDArray[np.int64], area_fractions: AreaFractions) -> None:
+        """Set area_fractions, distance and nearest in an index box to those of the bed alone."""
         lay(
             region, int(self.region[3]), self.number, self._corners, self.heights, *self._slopes, self.grid.metrics,
-            openness,
+            area_fractions,
         )  # fmt: skip
 
-    def refill(self, fraction: Array, openness: Openness) -> None:
+    def refill(self, fraction: Array, area_fractions: AreaFractions) -> None:
         """Give cells below the bed the fraction of the water above or beside them."""
-        refill(fraction, self.heights, self.region, openness.nearest, self.number, self.grid.metrics)
+        refill(fraction, self.heights, self.region, area_fractions.nearest, self.number, self.grid.metrics)
 
-    def stop(self, wet: NDArray[np.uint8], openness: Openness, *velocities: tuple[Array, Array, Array]) -> None:
+    def stop(
+        self, wet: NDArray[np.uint8], area_fractions: AreaFractions, *velocities: tuple[Array, Array, Array]
+    ) -> None:
         """Bring to rest what moves well below the bed, and films on it."""
         for velocity in velocities:
-            stop_below(velocity, wet, openness, self.heights, int(self.region[3]), self.number, self.grid.metrics)
+            stop_below(velocity, wet, area_fractions, self.heights, int(self.region[3]), self.number, self.grid.metrics)
 
     def check_water(self, water: Water, far: Array, zone: NDArray[np.bool_], start: bool) -> None:
         """Refuse at the start what cannot be undisturbed: no water at all, or a current across an uneven bed.
@@ -145,7 +147,7 @@ class Bed:
         if start:
             raise ValueError(message)
         if not self._warned:
-            log.warning("%s", message)
+            logger.warning("%s", message)
             self._warned = True
 
 
@@ -260,16 +262,20 @@ def _level_share(height: float, a: float, b: float) -> float:
 @njit(cache=True, error_model="numpy", parallel=True)
 def lay(
     region: NDArray[np.int64], top: int, number: int, corners: Array, centers: Array, slope_x: Array, slope_y: Array,
-    metrics: Metrics, openness: Openness,
+    metrics: Metrics, area_fractions: AreaFractions,
 ) -> None:  # fmt: skip
     """Set what the bed leaves open in an index box; from layer `top` on all is open.
 
-    The openness before sharpening (`ax`, `ay`, `az`) belongs to the solids alone and is left as it is.
+    The area_fractions before sharpening (`ax`, `ay`, `az`) belongs to the solids alone and is left as it is.
     """
     j0, j1, k0, k1, i0, i1 = region
-    bx, by, bz = openness.bx, openness.by, openness.bz  # Numba drops writes through a tuple inside prange
-    sx, sy, sz = openness.sx, openness.sy, openness.sz
-    distance, nearest = openness.distance, openness.nearest
+    bx, by, bz = (
+        area_fractions.bx,
+        area_fractions.by,
+        area_fractions.bz,
+    )  # Numba drops writes through a tuple inside prange
+    sx, sy, sz = area_fractions.sx, area_fractions.sy, area_fractions.sz
+    distance, nearest = area_fractions.distance, area_fractions.nearest
     for j in prange(j0, j1):
         for k in range(k0, k1):
             low, high, dz = metrics.zf[k], metrics.zf[k + 1], metrics.dz[k]
@@ -289,21 +295,25 @@ def lay(
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def join(regions: NDArray[np.int64], bodies: Openness, openness: Openness) -> None:
+def join(regions: NDArray[np.int64], bodies: AreaFractions, area_fractions: AreaFractions) -> None:
     """Add solids to the bed in their index boxes: the less open and the nearer of the two counts.
 
     Parameters
     ----------
     regions : array of int, shape (n, 6)
         Index boxes of the solids.
-    bodies : Openness
+    bodies : AreaFractions
         Of the solids alone.
-    openness : Openness, changed
+    area_fractions : AreaFractions, changed
         Of the bed alone; then of both.
     """
-    bx, by, bz = openness.bx, openness.by, openness.bz  # Numba drops writes through a tuple inside prange
-    sx, sy, sz = openness.sx, openness.sy, openness.sz
-    distance, nearest = openness.distance, openness.nearest
+    bx, by, bz = (
+        area_fractions.bx,
+        area_fractions.by,
+        area_fractions.bz,
+    )  # Numba drops writes through a tuple inside prange
+    sx, sy, sz = area_fractions.sx, area_fractions.sy, area_fractions.sz
+    distance, nearest = area_fractions.distance, area_fractions.nearest
     for n in range(len(regions)):
         for j in prange(regions[n, 0], regions[n, 1]):
             for k in range(regions[n, 2], regions[n, 3]):
@@ -335,7 +345,7 @@ def refill(fraction: Array, heights: Array, region: NDArray[np.int64], nearest: 
     region : array of int, shape (6,)
         Index box of the bed.
     nearest : array
-        `Openness.nearest`; cells nearer to a solid are left to `exumob.flow.interface.refill_solids`.
+        `AreaFractions.nearest`; cells nearer to a solid are left to `exumob.flow.free_surface.refill_solids`.
     number : int
         Of the bed in it.
     """
@@ -365,7 +375,7 @@ def refill(fraction: Array, heights: Array, region: NDArray[np.int64], nearest: 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def stop_below(
-    velocity: tuple[Array, Array, Array], wet: NDArray[np.uint8], openness: Openness, heights: Array, top: int,
+    velocity: tuple[Array, Array, Array], wet: NDArray[np.uint8], area_fractions: AreaFractions, heights: Array, top: int,
     number: int, metrics: Metrics,
 ) -> None:  # fmt: skip
     """Set the velocity to 0 more than `DEEP` cells below the bed, and of films: on faces it cuts, away from wet cells.
@@ -373,7 +383,7 @@ def stop_below(
     A film thinner than half a cell that nothing holds would slide down a shore ever faster.
     """
     u, v, w = velocity
-    bx, by, bz = openness.bx, openness.by, openness.bz
+    bx, by, bz = area_fractions.bx, area_fractions.by, area_fractions.bz
     ny, nz, nx = u.shape
     for j in prange(HALO, ny - HALO):
         for k in range(HALO, min(top, nz - HALO)):
@@ -381,7 +391,7 @@ def stop_below(
             for i in range(HALO, nx - HALO):
                 if z < heights[j, i]:
                     u[j, k, i] = v[j, k, i] = w[j, k, i] = 0.0
-                elif wet[j, k, i] == 0 and openness.nearest[j, k, i] == number:
+                elif wet[j, k, i] == 0 and area_fractions.nearest[j, k, i] == number:
                     if bx[j, k, i] < 1.0 and wet[j, k, i - 1] == 0:
                         u[j, k, i] = 0.0
                     if by[j, k, i] < 1.0 and wet[j - 1, k, i] == 0:
@@ -390,9 +400,9 @@ def stop_below(
                         w[j, k, i] = 0.0
 
 
-def close_sides(carrying: tuple[Array, Array, Array], openness: Openness) -> None:
+def close_sides(carrying: tuple[Array, Array, Array], area_fractions: AreaFractions) -> None:
     """Leave of the current that the far sides carry on full faces what passes above the bed."""
-    for axis, q, b in ((2, carrying[0], openness.bx), (0, carrying[1], openness.by)):
+    for axis, q, b in ((2, carrying[0], area_fractions.bx), (0, carrying[1], area_fractions.by)):
         for side in (HALO, q.shape[axis] - HALO):
             at = (slice(None),) * axis + (side,)
             q[at] *= b[at]
@@ -403,7 +413,7 @@ def shear(
     out: tuple[Array, Array, Array], u: Array, v: Array, fraction: Array, open_faces: tuple[Array, Array],
     heights: Array, top: int, roughness: float, viscosity: float, dt: float, metrics: Metrics,
 ) -> None:  # fmt: skip
-    """Slow the lowest layer down by the log-law shear of a given bed; see `exumob.flow.wall.bed_shear`.
+    """Slow the lowest layer down by the log-law shear of a given bed; see `exumob.flow.turbulence.wall.bed_shear`.
 
     The speed is the horizontal one of the lowest layer whose centre lies at least a quarter of a cell above the bed;
     the shear acts on that layer and on what is open below it. Meant for slopes up to about 1 in 3.
@@ -417,7 +427,7 @@ def shear(
     fraction : array
         [-]
     open_faces : two arrays
-        Openness of the x and y faces [-].
+        AreaFractions of the x and y faces [-].
     heights : array, shape (ny, nx)
         Of the bed [m].
     top : int

@@ -8,10 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from exumob.environment import GRAVITY
-from exumob.flow.body import Openness
 from exumob.flow.grid import HALO, Metrics
-from exumob.states import Array
+from exumob.flow.solids import AreaFractions
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -27,7 +27,7 @@ def _add(load: Array, x: float, y: float, z: float, fx: float, fy: float, fz: fl
 
 @njit(cache=True, error_model="numpy")
 def pressure_loads(
-    phi: Array, fraction: Array, wet: NDArray[np.uint8], solids: Openness, regions: NDArray[np.int64],
+    phi: Array, fraction: Array, wet: NDArray[np.uint8], solids: AreaFractions, regions: NDArray[np.int64],
     position: Array, density: float, level: float, dt: float, soil: bool, bed: Array, metrics: Metrics,
     loads: Array,
 ) -> None:  # fmt: skip
@@ -43,7 +43,7 @@ def pressure_loads(
     ----------
     phi : array
         dt times piezometric pressure over density [m^2/s].
-    solids : Openness
+    solids : AreaFractions
         Of the solids alone, without a given bed.
     regions : array of int, shape (n, 6)
         Index boxes of the solids.
@@ -113,7 +113,7 @@ def surface_excess(c: float) -> float:
 @njit(cache=True, error_model="numpy")
 def wall_shear(
     du: tuple[Array, Array, Array], u: Array, v: Array, w: Array, fraction: Array, wet: NDArray[np.uint8],
-    solids: Openness, regions: NDArray[np.int64], position: Array, velocity: Array, angular_velocity: Array,
+    solids: AreaFractions, regions: NDArray[np.int64], position: Array, velocity: Array, angular_velocity: Array,
     spin_velocity: Array, friction: Array, density: float, dt: float, metrics: Metrics, loads: Array,
 ) -> None:  # fmt: skip
     """Quadratic wall friction, tau = rho C_f |u_t| u_t / 2 on the speed u_t along the (spinning) wall.

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from exumob.checks import require_positive, require_within
-from exumob.states import Array
-from exumob.vehicle import Vehicle
+from exumob.support.arrays import Array
+from exumob.support.checks import require_positive, require_within
+from exumob.vehicle.parameters import Vehicle
 
 HALO = 2
 """Cells beyond the window on every side. Those below it hold saturated soil when forces are summed."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numba
 
-from exumob.checks import require_positive, require_within
-from exumob.flow import turbulence
+from exumob.flow.turbulence import closures as turbulence
+from exumob.support.checks import require_positive, require_within
 
 DEFAULT_CLOSURE = turbulence.Smagorinsky()
 SURFACES = "thinc", "plic"
@@ -33,7 +33,7 @@ class FlowSettings:
     closed_top : bool
         True: the top is a wall, for basins full of water.
     closure : object or None
-        Turbulence model (`exumob.flow.turbulence.Closure`); None: laminar.
+        Turbulence model (`exumob.flow.turbulence.closures.Closure`); None: laminar.
     viscosity : float
         Molecular, kinematic [m^2/s].
     surface : str

@@ -12,18 +12,39 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from exumob.environment import GRAVITY, Water
-from exumob.errors import SimulationError
-from exumob.flow import advection, bed, boundary, extension, forces, interface, pressure, spans, tread, turbulence, wall
-from exumob.flow.body import Openness, Poses, Solid, clear, index_region, place_solid
+from exumob.flow import (
+    active_rows as spans,
+)
+from exumob.flow import (
+    advection,
+    bed,
+    forces,
+    tread,
+)
+from exumob.flow import (
+    far_field as boundary,
+)
+from exumob.flow import (
+    free_surface as interface,
+)
+from exumob.flow import (
+    velocity_extension as extension,
+)
+from exumob.flow.active_rows import ActiveRows
 from exumob.flow.grid import HALO, Grid
+from exumob.flow.pressure import assembly as pressure
 from exumob.flow.settings import FlowSettings
-from exumob.flow.spans import Spans
+from exumob.flow.solids import AreaFractions, Poses, Solid, clear, index_region, place_solid
 from exumob.flow.state import FlowState, Loads, Placed, StepReport, interpolate
-from exumob.states import Array
-from exumob.terrain import Terrain
+from exumob.flow.turbulence import closures as turbulence
+from exumob.flow.turbulence import wall
+from exumob.ground.terrain import Terrain
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
+from exumob.support.errors import SimulationError
+from exumob.water.conditions import Water
 
-log = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 
 SWEEPS = ((0, 1, 2), (2, 1, 0), (1, 2, 0), (0, 2, 1), (2, 0, 1), (1, 0, 2))
 """Orders of the three sweeps that carry the fraction, in turn."""
@@ -53,7 +74,7 @@ class FlowSolver:
 
     Attributes
     ----------
-    openness, bodies : Openness
+    area_fractions, bodies : AreaFractions
         What bed and solids leave open, and what the solids alone do (the same object without a given bed).
     """
 
@@ -88,10 +109,10 @@ class FlowSolver:
         count = len(settings.closure.fields) if settings.closure is not None else 0
         self._state, self._next = FlowState.zeros(shape, count), FlowState.zeros(shape, count)
         self._start_closure()
-        self.openness = self.bodies = Openness.open(shape)
+        self.area_fractions = self.bodies = AreaFractions.open(shape)
         if self._bed is not None:
             alone = self.bodies
-            self.openness = Openness.open(shape)._replace(ax=alone.ax, ay=alone.ay, az=alone.az)
+            self.area_fractions = AreaFractions.open(shape)._replace(ax=alone.ax, ay=alone.ay, az=alone.az)
         self._bed_heights = np.full((shape[0], shape[2]), bottom) if self._bed is None else self._bed.heights
         self.levels = pressure.Levels(self.metrics)
         self._flow = np.zeros(shape), np.zeros(shape), np.zeros(shape)
@@ -101,8 +122,8 @@ class FlowSolver:
         self._orientation = unknown, unknown.copy(), unknown.copy()
         self._label = np.zeros(shape, dtype=np.uint8)
         # spans of the wet cells, of these one cell wider, and of all water 1, 2 and 4 cells wider
-        self._wet, self._active, self._cells, self._faces, self._near = (Spans.empty(shape) for _ in range(5))
-        self._water = Spans.empty(shape)
+        self._wet, self._active, self._cells, self._faces, self._near = (ActiveRows.empty(shape) for _ in range(5))
+        self._water = ActiveRows.empty(shape)
         self._scratch = np.zeros(shape)
         self._viscosity = np.full(shape, settings.viscosity)
         self._rows = np.zeros(shape[0])
@@ -139,7 +160,7 @@ class FlowSolver:
         for q, value in zip((state.u, state.v, state.w), far, strict=True):
             q[:] = value
         state.phi[:] = 0.0
-        state.rise_y[:] = 0.0
+        state.eta_y[:] = 0.0
         self._start_closure()
         self._poses = poses
         self._place(poses, state.frame)
@@ -168,7 +189,7 @@ class FlowSolver:
         self._fill(state, self._far(state.frame[2]))
         self._complete_velocity(state)
         boundary.split_rise(
-            state.fraction, self.water.depth, self._bed_heights, self._rates, self.metrics, state.rise_y
+            state.fraction, self.water.depth, self._bed_heights, self._rates, self.metrics, state.eta_y
         )  # fmt: skip
 
     def advance(self, time: float, poses: Poses | None = None) -> Array:
@@ -222,7 +243,7 @@ class FlowSolver:
                 pieces = 2 * max(pieces, round(1.0 / share))
                 if dt < interval / 16.0 * 1.001 and halvings > 4:
                     raise self._stopped(f"{outcome} even with a step of {dt:.2e} s")
-                log.warning("t = %.4f s: %s; the step is halved", self._state.time, outcome)
+                logger.warning("t = %.4f s: %s; the step is halved", self._state.time, outcome)
                 self._place(self._poses, self._state.frame)
                 continue
             loads, solved, number = outcome
@@ -268,18 +289,18 @@ class FlowSolver:
 
         # solids and water where they are now
         placed = self._place(poses, frame)
-        openness, regions = self.openness, self._regions
-        faces = (openness.bx, openness.by, openness.bz)
+        area_fractions, regions = self.area_fractions, self._regions
+        faces = (area_fractions.bx, area_fractions.by, area_fractions.bz)
         fraction = new.fraction
         fraction[:] = old.fraction
-        new.rise_y[:] = old.rise_y
+        new.eta_y[:] = old.eta_y
         self._rates = self._absorbing_rates(far[:2] - drift[:2])
         interface.release_surface(  # not of the bed: it is at rest like the water, whatever the grid does
-            fraction, self._scratch, openness, regions, placed.position, placed.velocity, placed.rate, drift, dt, m
+            fraction, self._scratch, area_fractions, regions, placed.position, placed.velocity, placed.rate, drift, dt, m
         )  # fmt: skip
-        interface.refill_solids(fraction, openness.distance, regions, m, s.refill_depth)
+        interface.refill_solids(fraction, area_fractions.distance, regions, m, s.refill_depth)
         if self._bed is not None:
-            self._bed.refill(fraction, openness)
+            self._bed.refill(fraction, area_fractions)
         self._fill_fraction(fraction)
         self._find_water(new)
 
@@ -292,7 +313,7 @@ class FlowSolver:
             )  # fmt: skip
         if s.closure is not None:
             bounds = turbulence.Walls(
-                openness._replace(distance=self.bodies.distance, nearest=self.bodies.nearest), placed.position,
+                area_fractions._replace(distance=self.bodies.distance, nearest=self.bodies.nearest), placed.position,
                 placed.velocity, placed.rate + placed.spin, self._friction * s.wall_shear,
                 -1.0 if s.bed_roughness is None else s.bed_roughness,
             )  # fmt: skip
@@ -307,13 +328,13 @@ class FlowSolver:
                 )  # fmt: skip
         if s.wall_shear and len(self.solids):
             forces.wall_shear(
-                self._change, *out, fraction, new.wet, openness, regions, placed.position, placed.velocity,
+                self._change, *out, fraction, new.wet, area_fractions, regions, placed.position, placed.velocity,
                 placed.rate, placed.spin, self._friction, self.water.density, dt, m, loads[1],
             )  # fmt: skip
             forces.add_and_clear(out, self._change, regions)
         if self._treads.any():
             tread.push(
-                self._change, *out, fraction, new.wet, openness, regions, placed.position, placed.velocity,
+                self._change, *out, fraction, new.wet, area_fractions, regions, placed.position, placed.velocity,
                 placed.rate, np.ascontiguousarray(placed.rotation[:, :, 1]), placed.spin, self._treads,
                 self.water.density, dt, m, loads[1],
             )  # fmt: skip
@@ -334,13 +355,13 @@ class FlowSolver:
         # pressure
         np.multiply(old.phi, dt / old.phi_dt, out=new.phi)
         pressure.assemble(
-            *out, fraction, new.wet, openness, self._bed is not None, m, dt, self.water.depth, s.closest_surface,
+            *out, fraction, new.wet, area_fractions, self._bed is not None, m, dt, self.water.depth, s.closest_surface,
             s.void_stiffness, self._wet, *self._theta, self.levels.levels[0], self.levels.rhs,
         )  # fmt: skip
         solved = pressure.solve(self.levels, new.phi, m, dt, self._wet, s.tolerance, s.iterations, s.closed_top)
         if not solved.converged and not solved.residual < 1e3 * s.tolerance:
             return fail(f"the pressure did not converge (divergence times step {solved.residual:.1e})")
-        pressure.project(*out, new.phi, new.wet, openness, m, dt, self.water.depth, self._wet, *self._theta)
+        pressure.project(*out, new.phi, new.wet, area_fractions, m, dt, self.water.depth, self._wet, *self._theta)
 
         # free surface: extended velocity, transport, far field
         for axis in range(3):
@@ -349,9 +370,9 @@ class FlowSolver:
                 self._label,
             )  # fmt: skip
         if self._bed is not None:
-            self._bed.stop(new.wet, openness, out, new.extended)
+            self._bed.stop(new.wet, area_fractions, out, new.extended)
         boundary.fill_velocity(*out, far, s.far_x, s.far_y, s.closed_top)
-        advection.full_velocity(carrying, out, openness, self._near)
+        advection.full_velocity(carrying, out, area_fractions, self._near)
         self._fill_carrying(carrying, far)
         advection.relative_velocity(self._flow, carrying, drift, self._near, m)
         advection.largest_courant(self._flow, fraction, m, self._near, self._rows)
@@ -362,7 +383,7 @@ class FlowSolver:
         begin[:] = fraction
         if s.far_x or s.far_y:
             boundary.gather_rise(
-                new.rise_y, new.v, fraction, openness.by, far[1], drift, self.water.depth, self._bed_heights,
+                new.eta_y, new.v, fraction, area_fractions.by, far[1], drift, self.water.depth, self._bed_heights,
                 self._rates, dt, m,
             )  # fmt: skip
         interface.transport(
@@ -371,7 +392,7 @@ class FlowSolver:
         )  # fmt: skip
         if s.far_x or s.far_y:
             boundary.relax_level(
-                fraction, new.rise_y, self.water.depth, self._bed_heights, self._rates, dt, m, self._rows
+                fraction, new.eta_y, self.water.depth, self._bed_heights, self._rates, dt, m, self._rows
             )  # fmt: skip
             new.volume_added = old.volume_added + float(np.sum(self._rows[HALO:-HALO]))
             self._fill_fraction(fraction)
@@ -450,13 +471,13 @@ class FlowSolver:
         moved = given.survey(frame)
         self._check_above(position)
         for region in before:
-            given.lay(region, self.openness)
+            given.lay(region, self.area_fractions)
         if moved:
             last[3] = max(last[3], given.region[3])
-            given.lay(last, self.openness)
+            given.lay(last, self.area_fractions)
             if self._state.steps > 0 and self.water.current_speed > 0.0:
                 given.check_water(self.water, self._far(frame[2]), self._far_zone(), start=False)
-        bed.join(self._regions, self.bodies, self.openness)
+        bed.join(self._regions, self.bodies, self.area_fractions)
         self._walls = np.vstack([self._regions, given.region])
         low, high = self._walls[:, ::2].min(axis=0), self._walls[:, 1::2].max(axis=0)
         self._box = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
@@ -480,7 +501,7 @@ class FlowSolver:
         s = self.settings
         boundary.fill_velocity(*carrying, far, s.far_x, s.far_y, s.closed_top)
         if self._bed is not None:
-            bed.close_sides(carrying, self.openness)
+            bed.close_sides(carrying, self.area_fractions)
 
     def _blend(self, dt: float) -> Array:
         """Bring the faces hardly open of the present state to the slip velocity; loads on the solids, their axes."""
@@ -489,7 +510,7 @@ class FlowSolver:
         loads = np.zeros((len(walls), 6))
         if len(walls):
             extension.blend(
-                old.velocity, old.extended, old.wet, self.openness, walls, position, velocity, rate,
+                old.velocity, old.extended, old.wet, self.area_fractions, walls, position, velocity, rate,
                 self.water.density, dt, self.metrics, loads,
             )  # fmt: skip
         loads = loads[: len(self.solids)]
@@ -550,12 +571,12 @@ class FlowSolver:
     def _complete_velocity(self, state: FlowState) -> None:
         """Extended and carrying velocity of a state that was set from outside."""
         far = self._far(state.frame[2])
-        whole = Spans.padded(state.fraction.shape)
+        whole = ActiveRows.padded(state.fraction.shape)
         state.lo[:], state.hi[:] = whole
         spans.mark_wet(state.fraction, state.wet, interface.EMPTY, self._wet, self._water)
         for e, q in zip(state.extended, state.velocity, strict=True):
             e[:] = q
-        advection.full_velocity(state.carrying, state.velocity, self.openness, whole)
+        advection.full_velocity(state.carrying, state.velocity, self.area_fractions, whole)
         self._fill_carrying(state.carrying, far)
         advection.largest_courant(state.carrying, state.fraction, self.metrics, whole, self._rows)
         state.courant_rate = float(self._rows.max())

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from exumob.flow.body import Poses
-from exumob.flow.spans import Spans
-from exumob.states import Array
+from exumob.flow.active_rows import ActiveRows
+from exumob.flow.solids import Poses
+from exumob.support.arrays import Array
 
 
 @dataclass
@@ -31,14 +31,14 @@ class FlowState:
     """Velocity on full faces that carries fraction and momentum [m/s]"""
     lo: NDArray[np.int32]
     hi: NDArray[np.int32]
-    """Spans of the rows where velocity is kept up"""
+    """ActiveRows of the rows where velocity is kept up"""
     fraction: Array
     """Water per full cell [-]"""
     wet: NDArray[np.uint8]
     """Cells that were at least half full when the pressure was solved"""
     phi: Array
     """dt times piezometric pressure over density [m^2/s]"""
-    rise_y: Array
+    eta_y: Array
     """In the far field's zones, the part of the level's rise that water flowing along y brought [m], shape (ny, nx)"""
     phi_dt: float
     """The dt in phi [s]"""
@@ -63,7 +63,7 @@ class FlowState:
     def zeros(cls, shape: tuple[int, int, int], turbulence_fields: int = 0) -> FlowState:
         """All zero, for fields of this shape."""
         u, v, w, ex, ey, ez, cx, cy, cz, fraction, phi = (np.zeros(shape) for _ in range(11))
-        spans, wet = Spans.padded(shape), np.zeros(shape, dtype=np.uint8)
+        spans, wet = ActiveRows.padded(shape), np.zeros(shape, dtype=np.uint8)
         return cls(
             u, v, w, ex, ey, ez, cx, cy, cz, spans.lo, spans.hi, fraction, wet, phi, np.zeros((shape[0], shape[2])),
             1.0, 0.0, np.zeros(3),

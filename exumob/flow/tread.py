@@ -15,17 +15,17 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from exumob.checks import require_within
 from exumob.flow.grid import HALO, Metrics
-from exumob.states import Array
+from exumob.support.arrays import Array
+from exumob.support.checks import require_within
 
 if TYPE_CHECKING:
-    from exumob.flow.body import Openness, Solid
+    from exumob.flow.solids import AreaFractions, Solid
 
 SMALLEST_BAND = 1.5
 """Least thickness of the ring over which the force is spread [cells]."""
 LEAST_OPEN = 0.1
-"""Mean openness of a cell's faces below which the lugs do not reach the water in it [-]."""
+"""Mean area_fractions of a cell's faces below which the lugs do not reach the water in it [-]."""
 LARGEST_SHARE = 0.5
 """Most of the relative speed that the lugs may take from the water in one step [-]."""
 
@@ -73,7 +73,7 @@ def tread_table(solids: Sequence[Solid]) -> Array:
 @njit(cache=True, error_model="numpy")
 def push(
     du: tuple[Array, Array, Array], u: Array, v: Array, w: Array, fraction: Array, wet: NDArray[np.uint8],
-    solids: Openness, regions: NDArray[np.int64], position: Array, velocity: Array, angular_velocity: Array,
+    solids: AreaFractions, regions: NDArray[np.int64], position: Array, velocity: Array, angular_velocity: Array,
     axle: Array, spin: Array, treads: Array, density: float, dt: float, metrics: Metrics, loads: Array,
 ) -> None:  # fmt: skip
     """Drag between the water and the lugs of spinning cylinders; what the water gains, the solids lose.

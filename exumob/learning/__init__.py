@@ -1,1 +1,1 @@
-"""Surrogates of the water's loads, learned from runs with the flow in the loop (paper, Sec. 3)."""
+"""Training of networks for the loads of the water, from runs with the flow in the loop (paper, Sec. 3)."""

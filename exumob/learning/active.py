@@ -25,15 +25,15 @@ from typing import Any
 
 import numpy as np
 
-from exumob.errors import SimulationError
-from exumob.hydrodynamics.networks import NetworkSet
-from exumob.hydrodynamics.surrogate import SurrogateHydrodynamics
 from exumob.learning.evaluation import FAST, drive
-from exumob.scenarios import Scenario
-from exumob.states import Array
-from exumob.vehicle import Vehicle
+from exumob.paper.scenarios import Scenario
+from exumob.support.arrays import Array
+from exumob.support.errors import SimulationError
+from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import NetworkSet
+from exumob.vehicle.parameters import Vehicle
 
-log = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def rank(
         try:
             found.append(disagreement(scenario, networks, vehicle, steps))
         except SimulationError as error:
-            log.warning("%s cannot be driven by these networks and is left out: %s", scenario.name, error)
+            logger.warning("%s cannot be driven by these networks and is left out: %s", scenario.name, error)
     return sorted(found, key=lambda one: one.total, reverse=True)
 
 

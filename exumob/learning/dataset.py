@@ -15,12 +15,13 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from exumob.environment import Water
-from exumob.hydrodynamics import CoefficientHydrodynamics
-from exumob.results import load_dataset
-from exumob.smoothing import WINDOW, smoothed, window_samples
-from exumob.states import Array, BodyStates
-from exumob.vehicle import Vehicle
+from exumob.simulation.results import load_dataset
+from exumob.support.arrays import Array
+from exumob.support.smoothing import WINDOW, smoothed, window_samples
+from exumob.vehicle.motion import BodyStates
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.conditions import Water
 
 SAMPLING = 1.0e-3
 """Interval of a packed run [s]."""
@@ -29,7 +30,7 @@ VARIABLES = (
     "angular_acceleration", "forward_velocity", "lateral_velocity", "wheel_speed", "steering_angle", "sinkage",
     "slip_ratio", "slip_angle", "soil_force", "suspension_stroke", "flow_state", "water_wrench",
 )  # fmt: skip
-"""Taken over from a run (`exumob.results.VARIABLES`)."""
+"""Taken over from a run (`exumob.simulation.results.VARIABLES`)."""
 SURFACE = ("hydrodynamics_elevation", "hydrodynamics_frame")
 """... and thinned out, if the run holds them."""
 SURFACE_INTERVAL = 2.0

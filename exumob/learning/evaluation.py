@@ -9,20 +9,21 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from exumob.environment import Soil
-from exumob.errors import SimulationError
-from exumob.hydrodynamics.inputs import network_inputs
-from exumob.hydrodynamics.interface import Hydrodynamics
-from exumob.hydrodynamics.networks import TRAINED_DENSITY, NetworkSet
-from exumob.hydrodynamics.surrogate import SurrogateHydrodynamics
+from exumob.ground.soil import Soil
 from exumob.learning.dataset import SAMPLING, base_loads, body_states, usable, water_of
-from exumob.reference_runs import SOIL
-from exumob.scenarios import Scenario
-from exumob.simulation import simulate
-from exumob.states import BODIES, WRENCH_COMPONENTS, Array
-from exumob.vehicle import Vehicle
+from exumob.paper.reference_runs import SOIL
+from exumob.paper.scenarios import Scenario
+from exumob.simulation.run import simulate
+from exumob.support.arrays import Array
+from exumob.support.errors import SimulationError
+from exumob.surrogates.inputs import network_inputs
+from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import TRAINED_DENSITY, NetworkSet
+from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.hydrodynamics import Hydrodynamics
 
-log = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 
 FAST = {"micro_step": 5e-4, "macro_step": 20e-3}
 """The paper's fast setting (Sec. 5.3)."""
@@ -139,7 +140,7 @@ def compare(
                 try:
                     run = drive(Scenario.named(scenario), member, vehicle, steps)
                 except SimulationError as error:
-                    log.warning("%s, %s, member %d: %s", model, scenario, n, error)
+                    logger.warning("%s, %s, member %d: %s", model, scenario, n, error)
                     continue
                 runs[model, scenario].append(run)
                 for name, value in closed_loop(run, reference).items():

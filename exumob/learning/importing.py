@@ -25,13 +25,14 @@ import xarray as xr
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from exumob.environment import Water
-from exumob.hydrodynamics.states import FLOW_STATES, flow_states
 from exumob.learning.dataset import SAMPLING
-from exumob.provenance import parameters_json, provenance
-from exumob.results import VARIABLES
-from exumob.smoothing import smoothed
-from exumob.states import BODIES, WRENCH_COMPONENTS, Array, BodyStates, quaternions
+from exumob.simulation.results import VARIABLES
+from exumob.support.arrays import Array
+from exumob.support.provenance import parameters_json, provenance
+from exumob.support.smoothing import smoothed
+from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates, quaternions
+from exumob.water.conditions import Water
+from exumob.water.flow_states import FLOW_STATES, flow_states
 
 PLACES = ("x", "y", "z")
 ANGLES = ("roll", "pitch", "yaw")

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from exumob.hydrodynamics.inputs import INPUTS
-from exumob.hydrodynamics.networks import EDGE, SAMPLING, NetworkSet, exponents
-from exumob.states import BODIES, WRENCH_COMPONENTS
+from exumob.surrogates.inputs import INPUTS
+from exumob.surrogates.networks import EDGE, SAMPLING, NetworkSet, exponents
+from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 
 OPSET = 17
 

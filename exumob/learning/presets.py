@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from exumob.checks import require_positive, require_within
-from exumob.hydrodynamics.networks import Architecture
+from exumob.support.checks import require_positive, require_within
+from exumob.surrogates.networks import Architecture
 
 FLOW_INPUTS = ("forward_flow", "lateral_flow", "forward_speed", "yaw_rate", "steering", "water_depth")
 """Motion through the water and over ground, turning, steering: smooth where the angles of Eq. (7) are not."""

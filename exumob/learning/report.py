@@ -10,11 +10,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, SurrogateHydrodynamics
-from exumob.hydrodynamics.surrogate import shipped_networks
 from exumob.learning.presets import BEST, PRESETS
-from exumob.plotting import STYLE
-from exumob.states import Array
+from exumob.support.arrays import Array
+from exumob.support.figures import STYLE
+from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
+from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.hydrodynamics import Hydrodynamics
 
 ENSEMBLE = f"{BEST}, ensemble"
 """The networks that come with exumob, all together."""

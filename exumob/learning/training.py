@@ -28,17 +28,17 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from exumob.hydrodynamics.inputs import MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
-from exumob.hydrodynamics.networks import TRAINED_DENSITY, Architecture, NetworkSet, Single, geometry, monomials
 from exumob.learning.dataset import base_loads, body_states, load_runs, usable, water_of
-from exumob.learning.networks import LoadNetwork
 from exumob.learning.presets import Preset
-from exumob.provenance import parameters_json, provenance
-from exumob.scenarios import UNSEEN
-from exumob.states import BODIES, BodyStates
-from exumob.vehicle import Vehicle
+from exumob.learning.torch_networks import LoadNetwork
+from exumob.paper.scenarios import UNSEEN
+from exumob.support.provenance import parameters_json, provenance
+from exumob.surrogates.inputs import MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
+from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, NetworkSet, Single, geometry, monomials
+from exumob.vehicle.motion import BODIES, BodyStates
+from exumob.vehicle.parameters import Vehicle
 
-log = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Examples:
 
 
 def training_runs(folder: str | Path) -> dict[str, xr.Dataset]:
-    """Runs of a folder, without those kept for the final evaluation (`exumob.scenarios.UNSEEN`).
+    """Runs of a folder, without those kept for the final evaluation (`exumob.paper.scenarios.UNSEEN`).
 
     Raises
     ------

@@ -10,13 +10,15 @@ from typing import Any, TypeVar, cast
 
 import xarray as xr
 
-from exumob.environment import Soil, Water
-from exumob.hydrodynamics import CoefficientHydrodynamics, Hydrodynamics, NoWater, SurrogateHydrodynamics
-from exumob.hydrodynamics.coefficients import Coefficients
-from exumob.maneuver import ConstantSteer, LaneChange, Maneuver, lane_change
-from exumob.path_following import PathFollowing
-from exumob.simulation import simulate
-from exumob.vehicle import Vehicle
+from exumob.driving.maneuver import ConstantSteer, LaneChange, Maneuver, lane_change
+from exumob.driving.path_following import PathFollowing
+from exumob.ground.soil import Soil
+from exumob.simulation.run import simulate
+from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
+from exumob.water.conditions import Water
+from exumob.water.hydrodynamics import Hydrodynamics, NoWater
 
 T = TypeVar("T")
 MODELS = ("networks", "coefficients", "none")

@@ -35,9 +35,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from exumob.errors import SimulationError
-from exumob.provenance import provenance
-from exumob.results import save_dataset, summary
+from exumob.simulation.results import save_dataset, summary
+from exumob.support.errors import SimulationError
+from exumob.support.provenance import provenance
 from exumob.sweeps.experiment import Experiment
 from exumob.sweeps.sampling import Case
 

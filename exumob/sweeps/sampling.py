@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.stats import qmc
 
-from exumob.checks import require_finite, require_positive, require_within
-from exumob.states import Array
+from exumob.support.arrays import Array
+from exumob.support.checks import require_finite, require_positive, require_within
 
 Case = dict[str, Any]
 """Values by dotted name."""

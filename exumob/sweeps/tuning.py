@@ -18,9 +18,9 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
-from exumob.errors import SimulationError
-from exumob.provenance import parameters_json, provenance
-from exumob.results import save_dataset
+from exumob.simulation.results import save_dataset
+from exumob.support.errors import SimulationError
+from exumob.support.provenance import parameters_json, provenance
 from exumob.sweeps.experiment import Experiment
 from exumob.sweeps.runner import identity, write_whole
 from exumob.sweeps.sampling import Case

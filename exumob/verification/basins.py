@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from exumob.environment import GRAVITY, Water
 from exumob.flow import Grid
-from exumob.states import Array
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 from exumob.verification import Case, Check, absolute, at_least, relative, reported
 from exumob.verification.initial import TANK, centers, fitted_order, started
+from exumob.water.conditions import Water
 
 
 def still_water() -> list[Check]:

@@ -15,15 +15,16 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from exumob.environment import GRAVITY, Water
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box, cylinder, sphere
 from exumob.flow.grid import HALO
-from exumob.states import Array
-from exumob.terrain import Terrain
+from exumob.ground.terrain import Terrain
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 from exumob.verification import Case, Check, absolute, relative, reported
 from exumob.verification.bodies import one_pose
 from exumob.verification.frames import SETTINGS, heading, steady_motion
 from exumob.verification.initial import TANK, centers, filled_to
+from exumob.water.conditions import Water
 
 LEVEL = 0.107
 """Of the still water [m]."""
@@ -45,7 +46,7 @@ def across(height: Callable[[Array], Array], low: float, high: float, spacing: f
 
 def fastest(solver: FlowSolver) -> float:
     """Largest speed on open faces of wet cells [m/s]."""
-    h, o, found = HALO, solver.openness, []
+    h, o, found = HALO, solver.area_fractions, []
     wet = np.pad(solver.fraction >= 0.5, h)
     for q, b, axis in zip(solver.velocity, (o.bx, o.by, o.bz), (2, 0, 1), strict=True):
         counts = (b > 0.0) & (wet | np.roll(wet, 1, axis))
@@ -115,7 +116,7 @@ def current_along() -> list[Check]:
     solver.start(pose(0.0))
     for n in range(60):
         solver.advance(0.005 * (n + 1), pose(0.005 * (n + 1)))
-    far, h, o = heading(solver.frame[2]).T @ water.velocity, HALO, solver.openness
+    far, h, o = heading(solver.frame[2]).T @ water.velocity, HALO, solver.area_fractions
     apart = 0.0
     for q, f, b in zip(solver.velocity, far, (o.bx, o.by, o.bz), strict=True):
         counts = (b[h:-h, h:-h, h:-h] > 0.0) & (centers(grid.z_faces) < water.depth)[:, None]

@@ -13,10 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from exumob.environment import GRAVITY, Water
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, Solid, box, cylinder, sphere
-from exumob.states import Array
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 from exumob.verification import Case, Check, absolute, at_least, relative, reported
+from exumob.water.conditions import Water
 
 PLACES = ((0.0, 0.0, 0.0), (0.25, 0.1, 0.3), (0.5, 0.0, 0.0), (0.5, 0.5, 0.5))
 """Places of a solid's centre within a cell [cells], shape (n, 3)."""
@@ -300,9 +301,9 @@ def momentum_gap(
 def water_momentum(solver: FlowSolver) -> float:
     """Of the water in a tank with cubic cells, along x [kg m/s]."""
     size = np.diff(solver.grid.x_faces)[0]
-    fraction, openness = solver.fraction, solver.openness.bx[2:-2, 2:-2, 3:-2]
+    fraction, area_fractions = solver.fraction, solver.area_fractions.bx[2:-2, 2:-2, 3:-2]
     mean = 0.5 * (fraction[:, :, 1:] + fraction[:, :, :-1])
-    return 1000.0 * float(np.sum(mean * openness * solver.velocity[0][:, :, 1:])) * float(size) ** 3
+    return 1000.0 * float(np.sum(mean * area_fractions * solver.velocity[0][:, :, 1:])) * float(size) ** 3
 
 
 def wall_force(solver: FlowSolver) -> float:

@@ -20,10 +20,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exumob.environment import GRAVITY, Water
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box, cylinder
-from exumob.states import Array
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 from exumob.verification import Case, Check, absolute, relative, reported
+from exumob.water.conditions import Water
 
 WIDTH, DEPTH = 0.1, 0.2
 """Of the column, and of the water [m]."""

@@ -1,4 +1,4 @@
-"""Free bodies coupled to the flow by the schemes of `exumob.coupling`: theory, stability, momentum.
+"""Free bodies coupled to the flow by the schemes of `exumob.coupling.schemes`: theory, stability, momentum.
 
 Limits, written down first: fall through air exact to 1e-9; first acceleration of a sphere in water 5 % (its added mass
 at five cells to the radius is met to 4 %); heave period of the floating box 2 % (as in `floating`); schemes that
@@ -17,13 +17,15 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from exumob.coupling import Coupling, Explicit, SemiImplicit, Strong
-from exumob.environment import GRAVITY, Soil, Water
-from exumob.errors import SimulationError
+from exumob.coupling.flow_in_loop import CfdHydrodynamics
+from exumob.coupling.schemes import Coupling, Explicit, SemiImplicit, Strong
+from exumob.driving.maneuver import LaneChange
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, Solid, box, sphere
-from exumob.hydrodynamics import CfdHydrodynamics
-from exumob.maneuver import LaneChange
-from exumob.states import Array, BodyStates
+from exumob.ground.soil import Soil
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
+from exumob.support.errors import SimulationError
+from exumob.vehicle.motion import BodyStates
 from exumob.verification import Case, Check, absolute, at_least, relative, reported
 from exumob.verification.bodies import TANK, wall_force, water_momentum
 from exumob.verification.floating import (
@@ -38,6 +40,7 @@ from exumob.verification.floating import (
     heave_period,
 )
 from exumob.verification.free_body import FreeBody, TankWater
+from exumob.water.conditions import Water
 
 SCHEMES: tuple[Coupling, ...] = (SemiImplicit(renewal=0.2), Strong(), Strong(method="aitken"))
 """Those that must be stable."""
@@ -287,7 +290,7 @@ def check_coupled_momentum() -> list[Check]:
 
 def vehicle_run(scheme: Coupling, macro_step: float, cell_size: float = 0.04) -> xr.Dataset:
     """0.4 s of a sharp start with steering, 60 % depth against 1 m/s, coarse; a run that breaks is cut there."""
-    from exumob.simulation import simulate
+    from exumob.simulation.run import simulate
     from vehicle_models.amphibious import amphibious_vehicle
 
     maneuver = LaneChange(amplitude=np.radians(25.0), start=0.1, end=0.6, ramp_time=0.2)

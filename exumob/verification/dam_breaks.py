@@ -13,10 +13,11 @@ from importlib.resources import files
 
 import numpy as np
 
-from exumob.environment import GRAVITY, Water
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box
-from exumob.states import Array
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 from exumob.verification import Case, Check, absolute, relative, reported
+from exumob.water.conditions import Water
 
 DATA = files("exumob.verification") / "data"
 COLUMN = 0.05715

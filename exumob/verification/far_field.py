@@ -10,7 +10,7 @@ water to 0.1 % of the depth.
 
 Oblique waves do see a change of impedance in a zone that damps all alike: linear theory of long waves (an ordinary
 equation across the zone) gives, for rates that rise with the square and a strength of 8, and waves one (two) zone
-widths long at 30, 45 and 60 degrees, 2, 8 and 23 (8, 19 and 36) %. A matched layer (`exumob.flow.boundary`) has none:
+widths long at 30, 45 and 60 degrees, 2, 8 and 23 (8, 19 and 36) %. A matched layer (`exumob.flow.far_field`) has none:
 what is left is what the layer does not absorb, exp(-strength cos(angle) / 2), and that these waves are not long.
 """
 
@@ -22,12 +22,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from exumob.environment import GRAVITY, Water
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box
-from exumob.states import Array
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 from exumob.verification import Case, Check, absolute, reported
 from exumob.verification.basins import hump
 from exumob.verification.initial import TANK, centers, filled_to, started
+from exumob.water.conditions import Water
 
 DEPTH = 0.12
 """[m]"""

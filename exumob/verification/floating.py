@@ -18,10 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import curve_fit
 
-from exumob.environment import GRAVITY, Water
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box
-from exumob.states import Array
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 from exumob.verification import Case, Check, absolute, relative, reported
+from exumob.water.conditions import Water
 
 LENGTH, WIDTH, HEIGHT, DRAUGHT, DEPTH = 0.4, 0.3, 0.2, 0.13, 0.35
 """Of the box and the water [m]."""

@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from exumob.environment import Water
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, sphere
-from exumob.states import Array
+from exumob.support.arrays import Array
 from exumob.verification import Case, Check, absolute, at_least, reported
 from exumob.verification.basins import hump
 from exumob.verification.initial import centers, filled_to, fitted_order
+from exumob.water.conditions import Water
 
 DEPTH, HEIGHT = 0.2, 0.04
 """Of the water and of the hump on it [m]"""

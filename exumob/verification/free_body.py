@@ -1,4 +1,4 @@
-"""A free rigid body as the moving side of a coupling (`exumob.coupling.Mechanism`), without a multibody code."""
+"""A free rigid body as the moving side of a coupling (`exumob.coupling.schemes.Mechanism`), without a multibody code."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from exumob.environment import GRAVITY
 from exumob.flow import FlowSolver, Poses
-from exumob.states import Array, BodyStates
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
+from exumob.vehicle.motion import BodyStates
 
 MICRO_STEPS = 10
 """In a macro step."""
@@ -101,7 +102,7 @@ class FreeBody:
 
 
 class TankWater:
-    """The flow solver round free bodies as a water model (`exumob.hydrodynamics.Hydrodynamics`)."""
+    """The flow solver round free bodies as a water model (`exumob.water.hydrodynamics.Hydrodynamics`)."""
 
     def __init__(self, solver: FlowSolver) -> None:
         self.solver = solver

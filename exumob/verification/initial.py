@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from exumob.environment import Water
 from exumob.flow import FlowSettings, FlowSolver, Grid
-from exumob.states import Array
+from exumob.support.arrays import Array
+from exumob.water.conditions import Water
 
 TANK = FlowSettings(follow=None, far_x=False, far_y=False, closure=None, viscosity=0.0)
 """Walls all round, no friction."""

@@ -10,15 +10,16 @@ from pathlib import Path
 
 import xarray as xr
 
-from exumob.environment import Water
-from exumob.flow.captive import captive_run
 from exumob.flow.grid import Grid
-from exumob.flow.motion import CaptiveMotion
 from exumob.flow.settings import FlowSettings
 from exumob.flow.tread import Tread
-from exumob.provenance import parameters_json
-from exumob.results import load_dataset, save_dataset
-from exumob.vehicle import Vehicle
+from exumob.simulation.results import load_dataset, save_dataset
+from exumob.support.files import PACKAGE
+from exumob.support.provenance import parameters_json
+from exumob.towing_tank.motion import CaptiveMotion
+from exumob.towing_tank.run import captive_run
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)
 
@@ -30,7 +31,7 @@ _kept: dict[str, xr.Dataset] = {}
 
 def flow_revision() -> str:
     """Digest of the flow solver's sources: a run of another solver is not taken for one of this."""
-    folder = Path(__file__).parents[1] / "flow"
+    folder = PACKAGE / "flow"
     digest = hashlib.sha256()
     for file in sorted(folder.glob("*.py")):
         if file.name not in PICTURES:

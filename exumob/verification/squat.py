@@ -20,12 +20,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from exumob.environment import GRAVITY, Water
+from exumob.driving.maneuver import smooth_step
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses
-from exumob.flow.body import prism
-from exumob.maneuver import smooth_step
-from exumob.states import Array
+from exumob.flow.solids import prism
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 from exumob.verification import Case, Check, absolute, relative, reported
+from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)
 

@@ -35,24 +35,21 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from exumob.environment import GRAVITY, Water
-from exumob.flow.captive import doubled_grid
 from exumob.flow.grid import Grid
-from exumob.flow.motion import CaptiveMotion
 from exumob.flow.settings import FlowSettings
 from exumob.flow.tread import Tread
-from exumob.flow.turbulence import KOmegaSST
-from exumob.smoothing import smoothed
-from exumob.states import BODIES, Array
-from exumob.vehicle import Vehicle
+from exumob.flow.turbulence.closures import KOmegaSST
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
+from exumob.support.smoothing import smoothed
+from exumob.towing_tank.motion import CaptiveMotion
+from exumob.towing_tank.run import doubled_grid
+from exumob.vehicle.motion import BODIES
+from exumob.vehicle.parameters import Vehicle
 from exumob.verification import Case, Check, absolute, reported
 from exumob.verification.runs import finished_run
-from exumob.verification.uncertainty import (
-    GridConvergence,
-    deviation_uncertainty,
-    grid_convergence,
-    mean_uncertainty,
-)
+from exumob.verification.uncertainty import GridConvergence, deviation_uncertainty, grid_convergence, mean_uncertainty
+from exumob.water.conditions import Water
 
 DEPTH = 0.12
 """[m]: D60"""
@@ -381,8 +378,8 @@ CASES: Sequence[Case] = (
 
 def main() -> None:
     """Run cases with parameters of one's own: python -m exumob.verification.towing --help."""
+    from exumob.commands.verify import as_markdown
     from exumob.verification import squat
-    from exumob.verification.command import as_markdown
 
     runs = {case.name: case.run for case in CASES} | {
         "grid-convergence": grid_convergence_case, "squat": squat.squat

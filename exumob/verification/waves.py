@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import root
 
-from exumob.environment import GRAVITY, Water
 from exumob.flow import FlowSolver, Grid
-from exumob.states import Array
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 from exumob.verification import Case, Check, at_least, relative, reported
 from exumob.verification.initial import TANK, centers, filled_to, fitted_order
+from exumob.water.conditions import Water
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from exumob.errors import SimulationError
-from exumob.hydrodynamics.networks import Architecture, NetworkSet, geometry
 from exumob.learning import active
 from exumob.learning.active import disagreement, load_scale, next_scenario, rank
-from exumob.scenarios import Scenario
+from exumob.paper.scenarios import Scenario
+from exumob.support.errors import SimulationError
+from exumob.surrogates.networks import Architecture, NetworkSet, geometry
 
 SHORT = {"micro_step": 5e-4, "macro_step": 20e-3, "duration": 0.1}
 WATERS = [Scenario.named(name) for name in ("D60/U0.5", "D60/U1@30/-30deg", "D60/U0")]

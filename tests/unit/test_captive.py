@@ -8,24 +8,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from exumob.environment import Water
-from exumob.errors import SimulationError, SimulationInterrupted
-from exumob.flow import (
-    CaptiveMotion,
-    FlowSettings,
-    FlowSolver,
-    Grid,
-    KOmegaSST,
-    Tread,
-    captive_run,
-    captive_summary,
-    check_resolution,
-)
-from exumob.flow.captive import VARIABLES, captive_grid
-from exumob.maneuver import lane_change
-from exumob.results import load_dataset, save_dataset
-from exumob.smoothing import smoothed, window_samples
-from exumob.states import BODIES
+from exumob.driving.maneuver import lane_change
+from exumob.flow import FlowSettings, FlowSolver, Grid, KOmegaSST, Tread
+from exumob.simulation.results import load_dataset, save_dataset
+from exumob.support.errors import SimulationError, SimulationInterrupted
+from exumob.support.smoothing import smoothed, window_samples
+from exumob.towing_tank.checks import check_resolution
+from exumob.towing_tank.motion import CaptiveMotion
+from exumob.towing_tank.run import VARIABLES, captive_grid, captive_run, captive_summary
+from exumob.vehicle.motion import BODIES
+from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
 

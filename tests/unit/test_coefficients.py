@@ -8,11 +8,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from exumob.environment import GRAVITY, Water
-from exumob.hydrodynamics import CoefficientHydrodynamics, Coefficients, NoWater
-from exumob.hydrodynamics.coefficients import FILTER_STEPS, filter_time, spheroid_added_mass
-from exumob.states import BODIES, BodyStates
-from exumob.vehicle import load_vehicle
+from exumob.support.constants import GRAVITY
+from exumob.vehicle.motion import BODIES, BodyStates
+from exumob.vehicle.parameters import load_vehicle
+from exumob.water.coefficients import (
+    FILTER_STEPS,
+    CoefficientHydrodynamics,
+    Coefficients,
+    filter_time,
+    spheroid_added_mass,
+)
+from exumob.water.conditions import Water
+from exumob.water.hydrodynamics import NoWater
 
 WATER = Water(0.12)
 HYDROSTATIC, DRAG, ADDED_MASS = range(3)

@@ -11,8 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 from exumob.__main__ import app
-from exumob.environment import Soil
-from exumob.results import load_dataset
+from exumob.ground.soil import Soil
+from exumob.simulation.results import load_dataset
 
 SHORT = ["--duration", "0.2", "--micro-step", "5e-4", "--macro-step", "20e-3"]
 OPTIONS = {
@@ -230,7 +230,7 @@ def test_vehicle_that_sinks_is_said_without_a_traceback(tmp_path):
 
 BREAKING = """
 import numpy as np
-import exumob.hydrodynamics.coefficients as c
+import exumob.water.coefficients as c
 from vehicle_models.amphibious import amphibious_vehicle as _base
 _original = c.CoefficientHydrodynamics.wrenches
 def _broken(self, history, predict):
@@ -243,7 +243,7 @@ def car():
 
 
 def test_broken_run_is_saved_and_said(tmp_path, monkeypatch):
-    import exumob.hydrodynamics.coefficients as module
+    import exumob.water.coefficients as module
 
     monkeypatch.setattr(module.CoefficientHydrodynamics, "wrenches", module.CoefficientHydrodynamics.wrenches)
     (tmp_path / "car.py").write_text(BREAKING)
@@ -302,7 +302,7 @@ def test_program_runs_anywhere_and_leaves_nothing_behind(tmp_path):
 
 
 INTERRUPTED = """
-import os, signal, threading, exumob.multibody as m
+import os, signal, threading, exumob.multibody.system as m
 from vehicle_models.amphibious import amphibious_vehicle as _base
 _original, _started = m.MultibodyVehicle.{method}, []
 def _interrupt():

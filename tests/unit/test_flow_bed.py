@@ -6,15 +6,16 @@ import math
 import numpy as np
 import pytest
 
-from exumob.environment import Water
-from exumob.flow import CaptiveMotion, FlowSettings, FlowSolver, Grid, KOmegaSST, Poses, box, captive_run, sphere
+from exumob.flow import FlowSettings, FlowSolver, Grid, KOmegaSST, Poses, box, sphere
 from exumob.flow.bed import lowest_bed
-from exumob.flow.captive import captive_grid
 from exumob.flow.grid import HALO
-from exumob.terrain import Terrain
+from exumob.ground.terrain import Terrain
+from exumob.towing_tank.motion import CaptiveMotion
+from exumob.towing_tank.run import captive_grid, captive_run
 from exumob.verification.bodies import one_pose
 from exumob.verification.frames import SETTINGS, heading, steady_motion
 from exumob.verification.initial import TANK
+from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 
 GRID = Grid.uniform((-0.4, -0.4, -0.08), (0.4, 0.4, 0.2), 0.04)
@@ -28,7 +29,7 @@ def started(terrain, water=None, settings=TANK, solids=(), poses=None, grid=GRID
 
 
 def test_faces_are_open_above_a_plane_and_close_its_area():
-    o, h = started(SLOPE).openness, HALO
+    o, h = started(SLOPE).area_fractions, HALO
     size = 0.04
     inner = (slice(h, -h),) * 3
     bx, by, bz = o.bx, o.by, o.bz
@@ -50,7 +51,7 @@ def test_a_flat_terrain_on_the_lowest_face_is_the_plain_solver():
     water = Water(0.1, 0.2)
     one = started(None, water, settings, (box(0.2, 0.2, 0.1),), poses, grid)
     other = started(Terrain(), water, settings, (box(0.2, 0.2, 0.1),), poses, grid)
-    assert other.openness is other.bodies and not other.has_given_bed
+    assert other.area_fractions is other.bodies and not other.has_given_bed
     for n in range(3):
         assert np.array_equal(one.advance(0.01 * (n + 1)), other.advance(0.01 * (n + 1)))
 

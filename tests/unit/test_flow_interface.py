@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from exumob.flow import FlowSettings
-from exumob.flow.interface import plane_offset, plic_flux, volume_below
+from exumob.flow.free_surface import plane_offset, plic_flux, volume_below
 
 RNG = np.random.default_rng(3)
 

@@ -14,9 +14,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from PIL import Image
 
-from exumob.environment import Water
-from exumob.flow import CaptiveMotion, FlowSettings, FlowSolver, Grid, captive_run, vehicle_solids
-from exumob.flow.pictures import (
+from exumob.flow import FlowSettings, FlowSolver, Grid, vehicle_solids
+from exumob.flow.output.pictures import (
     SurfaceView,
     animate_surface,
     describe,
@@ -25,11 +24,14 @@ from exumob.flow.pictures import (
     plot_surface_map,
     plot_surfaces,
 )
-from exumob.flow.render import Camera, render
-from exumob.flow.snapshots import surface_elevation
-from exumob.flow.vehicle_surface import body_triangles, stored_vehicle
-from exumob.flow.vtk_files import VtkSeries, surface_triangles, volume_fields
-from exumob.plotting import save_figure
+from exumob.flow.output.render import Camera, render
+from exumob.flow.output.snapshots import surface_elevation
+from exumob.flow.output.vehicle_surface import body_triangles, stored_vehicle
+from exumob.flow.output.vtk import VtkSeries, surface_triangles, volume_fields
+from exumob.support.figures import save_figure
+from exumob.towing_tank.motion import CaptiveMotion
+from exumob.towing_tank.run import captive_run
+from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
 
@@ -181,7 +183,7 @@ def test_animation_that_cannot_be_made(run, tmp_path, name, message):
 
 @pytest.mark.parametrize("vehicle", [VEHICLE, light_4x4()], ids=lambda v: v.name)
 def test_vehicle_comes_back_from_a_result(run, vehicle):
-    from exumob.provenance import parameters_json
+    from exumob.support.provenance import parameters_json
 
     stored = run.assign_attrs(parameters=parameters_json({"vehicle": vehicle}))
     assert stored_vehicle(stored) == vehicle

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from exumob.environment import Water
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box, cylinder, hull_prism, mesh_solid, sphere
-from exumob.hydrodynamics.surface import box_surface
-from exumob.vehicle import Hull
+from exumob.vehicle.parameters import Hull
+from exumob.water.conditions import Water
+from exumob.water.wetted_surface import box_surface
 
 HULL = Hull(
     mass=49.0, length=1.0, width=0.44, height=0.2, ground_clearance=0.078, center_of_mass_height=0.17, bow_length=0.12,

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from exumob import Soil, Water, lane_change, simulate
 from exumob.learning.dataset import VARIABLES, load_runs, pack
 from exumob.learning.importing import import_histories
-from exumob.results import save_dataset
-from exumob.scenarios import TRAINING, UNSEEN, Scenario
-from exumob.states import BODIES
+from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
+from exumob.simulation.results import save_dataset
+from exumob.vehicle.motion import BODIES
 from vehicle_models.amphibious import amphibious_vehicle
 
 WATER = Water.at_ratio(0.6, 1.0)

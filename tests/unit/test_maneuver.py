@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from exumob.maneuver import ConstantSteer, LaneChange, Recorded, lane_change, ramp, smooth_step
+from exumob.driving.maneuver import ConstantSteer, LaneChange, Recorded, lane_change, ramp, smooth_step
 
 H = 1e-5
 """Step of central differences [s]: their error, H^2/6 times a third derivative (below 1e5), is below 2e-6."""

@@ -9,11 +9,11 @@ import pytest
 import xarray as xr
 from scipy.stats import binomtest
 
-from exumob.crossing import FAILURES, Crossing, Limits, judge
-from exumob.errors import SimulationError
-from exumob.mobility import Axis, MobilityMap, _Lattice, compute_map
-from exumob.plotting import plot_map
-from exumob.results import load_dataset
+from exumob.mobility.crossing import FAILURES, Crossing, Limits, judge
+from exumob.mobility.map import Axis, MobilityMap, _Lattice, compute_map
+from exumob.mobility.map_figure import plot_map
+from exumob.simulation.results import load_dataset
+from exumob.support.errors import SimulationError
 from exumob.sweeps.experiment import amphibious_crossing
 from exumob.sweeps.sampling import Normal
 

@@ -8,23 +8,23 @@ import pytest
 from typer.testing import CliRunner
 
 from exumob.__main__ import app
-from exumob.ensemble import add_members
-from exumob.environment import Water
-from exumob.hydrodynamics import CoefficientHydrodynamics, SurrogateHydrodynamics
-from exumob.hydrodynamics.inputs import INPUTS, MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
-from exumob.hydrodynamics.networks import Architecture, NetworkSet, geometry, window_rows
-from exumob.hydrodynamics.surrogate import shipped_networks
+from exumob.driving.maneuver import lane_change
 from exumob.learning.dataset import body_states, pack, usable, water_of
-from exumob.maneuver import lane_change
-from exumob.results import save_dataset, summary
-from exumob.scenarios import UNSEEN, Scenario
-from exumob.simulation import simulate
+from exumob.paper.scenarios import UNSEEN, Scenario
+from exumob.simulation.ensemble import add_members
+from exumob.simulation.results import save_dataset, summary
+from exumob.simulation.run import simulate
+from exumob.surrogates.inputs import INPUTS, MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
+from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
+from exumob.surrogates.networks import Architecture, NetworkSet, geometry, window_rows
+from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.conditions import Water
 
 torch = pytest.importorskip("torch")
 from exumob.learning.evaluation import closed_loop, drive, open_loop, predicted_loads
-from exumob.learning.networks import LoadNetwork
 from exumob.learning.onnx_export import export_onnx
 from exumob.learning.presets import Preset
+from exumob.learning.torch_networks import LoadNetwork
 from exumob.learning.training import held_back, train, training_runs
 
 SMALL = Architecture(inputs=("forward_flow", "lateral_flow", "yaw_rate"), taps=4, stride=5, width=7, dense=5)
@@ -150,7 +150,7 @@ def test_foreign_files_are_refused(vehicle, tmp_path, monkeypatch):
     broken = NetworkSet(SMALL, network.arrays | {"U": np.full_like(network.arrays["U"], np.nan)}, network.about)
     with pytest.raises(ValueError, match="not finite"):
         NetworkSet.load(broken.save(tmp_path / "nan.safetensors"))
-    monkeypatch.setattr("exumob.hydrodynamics.networks.VERSION", 0)
+    monkeypatch.setattr("exumob.surrogates.networks.VERSION", 0)
     network.save(tmp_path / "old.safetensors")
     monkeypatch.undo()
     with pytest.raises(ValueError, match="version 0 and this program reads 1"):
@@ -390,7 +390,7 @@ def test_saved_and_restored(vehicle, sand, tmp_path):
             stopped.append(time)
             raise RuntimeError("power cut")
 
-    from exumob.errors import SimulationError
+    from exumob.support.errors import SimulationError
 
     with pytest.raises(SimulationError):
         run(0.6, checkpoint=tmp_path / "run.npz", progress=stop)

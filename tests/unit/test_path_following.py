@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from exumob import CoefficientHydrodynamics, ConstantSteer, Soil, Water, simulate
-from exumob.coupling import Strong
-from exumob.errors import SimulationInterrupted
-from exumob.path_following import PathFollowing, StanleyDriver, _Polyline, lane_shift
-from exumob.states import BodyStates
+from exumob.coupling.schemes import Strong
+from exumob.driving.path_following import PathFollowing, StanleyDriver, _Polyline, lane_shift
+from exumob.support.errors import SimulationInterrupted
+from exumob.vehicle.motion import BodyStates
 from vehicle_models.amphibious import amphibious_vehicle
 
 FAST = {"micro_step": 5e-4, "macro_step": 20e-3, "record_step": 20e-3}

@@ -15,13 +15,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from exumob.environment import Water
-from exumob.hydrodynamics import CoefficientHydrodynamics
-from exumob.hydrodynamics.coefficients import Coefficients
-from exumob.maneuver import Recorded
-from exumob.results import energy_residual, ledger_residual, load_dataset, save_dataset, summary
-from exumob.simulation import simulate
-from exumob.terrain import Terrain
+from exumob.driving.maneuver import Recorded
+from exumob.ground.terrain import Terrain
+from exumob.simulation.results import energy_residual, ledger_residual, load_dataset, save_dataset, summary
+from exumob.simulation.run import simulate
+from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
+from exumob.water.conditions import Water
 
 STEPS = {"duration": 0.06, "micro_step": 5e-4, "macro_step": 20e-3}
 

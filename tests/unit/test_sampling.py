@@ -7,11 +7,14 @@ import pytest
 import xarray as xr
 from scipy import stats
 
-from exumob.environment import Soil, Water
-from exumob.hydrodynamics import CoefficientHydrodynamics, NoWater, SurrogateHydrodynamics
+from exumob.ground.soil import Soil
+from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.sweeps import Choice, Experiment, LogNormal, Normal, Triangular, Uniform, as_grid, grid, sample
 from exumob.sweeps.experiment import amphibious_lane_change
 from exumob.sweeps.study import from_options, parse_variation, read_study
+from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.conditions import Water
+from exumob.water.hydrodynamics import NoWater
 
 # -- names -------------------------------------------------------------------------------------------------------------
 

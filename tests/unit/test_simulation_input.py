@@ -6,12 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import exumob.simulation
-from exumob.environment import Soil, Water
-from exumob.errors import SimulationError, SimulationInterrupted
-from exumob.hydrodynamics import CoefficientHydrodynamics, NoWater
-from exumob.maneuver import ConstantSteer, LaneChange, Recorded, lane_change, ramp
-from exumob.simulation import simulate
+import exumob.simulation.run
+from exumob.driving.maneuver import ConstantSteer, LaneChange, Recorded, lane_change, ramp
+from exumob.ground.soil import Soil
+from exumob.simulation.run import simulate
+from exumob.support.errors import SimulationError, SimulationInterrupted
+from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.conditions import Water
+from exumob.water.hydrodynamics import NoWater
 
 STEPS = {"duration": 0.2, "micro_step": 5e-4, "macro_step": 20e-3}
 
@@ -28,7 +30,7 @@ def nothing_runs(monkeypatch):
     def build(*_, **__):
         raise AssertionError("a model was built before the input was checked")
 
-    monkeypatch.setattr(exumob.simulation, "MultibodyVehicle", build)
+    monkeypatch.setattr(exumob.simulation.run, "MultibodyVehicle", build)
 
 
 # -- bad input ---------------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from exumob.environment import Soil
+from exumob.ground.soil import Soil
 
 LETE = Soil.published("LETE sand")
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from exumob.terrain import Terrain, terrain_height
+from exumob.ground.terrain import Terrain, terrain_height
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ import pytest
 from numba import njit
 from scipy.optimize import brentq
 
-from exumob.environment import Soil
-from exumob.terramechanics import contact_stresses, wheel_soil_forces, wheel_soil_kernel
+from exumob.ground.soil import Soil
+from exumob.ground.terramechanics import contact_stresses, wheel_soil_forces, wheel_soil_kernel
 
 LETE = Soil.published("LETE sand")
 RADIUS, WIDTH = 0.100, 0.080

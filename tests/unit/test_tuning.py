@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import pytest
 import xarray as xr
 
-from exumob.errors import SimulationError
+from exumob.support.errors import SimulationError
 from exumob.sweeps import tune
 from exumob.sweeps.experiment import Experiment, amphibious_lane_change
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import vehicle_models.amphibious
-from exumob.vehicle import Steering, Vehicle, Wishbones, box_inertia, load_vehicle
+from exumob.vehicle.parameters import Steering, Vehicle, Wishbones, box_inertia, load_vehicle
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
 

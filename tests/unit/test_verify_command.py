@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from exumob.__main__ import app
-from exumob.errors import SimulationError
+from exumob.support.errors import SimulationError
 from exumob.verification import Case, absolute, at_least, cases, relative, reported
 
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from exumob.environment import Water
-from exumob.hydrodynamics.states import FLOW_STATE_UNITS, FLOW_STATES, flow_states
-from exumob.states import BodyStates
+from exumob.vehicle.motion import BodyStates
+from exumob.water.conditions import Water
+from exumob.water.flow_states import FLOW_STATE_UNITS, FLOW_STATES, flow_states
 
 
 def turn(yaw, pitch=0.0):

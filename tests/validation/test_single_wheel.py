@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exumob.environment import Soil
+from exumob.ground.soil import Soil
 
 DATA = Path(__file__).parent / "data"
 STUDY = Path(__file__).parents[2] / "studies" / "single_wheel.py"

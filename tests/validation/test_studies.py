@@ -11,9 +11,9 @@ import pytest
 import xarray as xr
 
 from exumob import ConstantSteer, Soil, load_vehicle, simulate
-from exumob.hydrodynamics.networks import Architecture, NetworkSet
-from exumob.hydrodynamics.surrogate import shipped_networks
-from exumob.results import load_dataset
+from exumob.simulation.results import load_dataset
+from exumob.surrogates.model import shipped_networks
+from exumob.surrogates.networks import Architecture, NetworkSet
 
 ROOT = Path(__file__).parents[2]
 

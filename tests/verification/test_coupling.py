@@ -15,18 +15,21 @@ import numpy as np
 import pytest
 import xarray as xr
 
-import exumob.checkpoint
-import exumob.coupling
-from exumob.coupling import Explicit, SemiImplicit, Strong
-from exumob.environment import Soil, Water
-from exumob.errors import SimulationError, SimulationInterrupted
-from exumob.hydrodynamics import CfdHydrodynamics, CoefficientHydrodynamics, Development, VehicleFlow
-from exumob.hydrodynamics.remote import RemoteFlow
-from exumob.maneuver import LaneChange
-from exumob.multibody import MultibodyVehicle
-from exumob.provenance import parameters_json
-from exumob.simulation import simulate
-from exumob.terrain import Terrain
+import exumob.coupling.schemes
+import exumob.simulation.checkpoint
+from exumob.coupling.flow_code import BuiltInFlow
+from exumob.coupling.flow_in_loop import CfdHydrodynamics, FlowSpinUp
+from exumob.coupling.remote import RemoteFlow
+from exumob.coupling.schemes import Explicit, SemiImplicit, Strong
+from exumob.driving.maneuver import LaneChange
+from exumob.ground.soil import Soil
+from exumob.ground.terrain import Terrain
+from exumob.multibody.system import MultibodyVehicle
+from exumob.simulation.run import simulate
+from exumob.support.errors import SimulationError, SimulationInterrupted
+from exumob.support.provenance import parameters_json
+from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.conditions import Water
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "external_flow"
@@ -35,7 +38,7 @@ import stand_in
 
 QUICK = LaneChange(amplitude=math.radians(20.0), start=0.05, end=0.6, ramp_time=0.1)
 WATER = Water.at_ratio(0.6, 1.0)
-SHORT = Development(ramp=0.1, hold=0.05, adjustment=0.05)
+SHORT = FlowSpinUp(ramp=0.1, hold=0.05, adjustment=0.05)
 STEPS = {"micro_step": 5e-4, "macro_step": 1e-3}
 
 
@@ -116,7 +119,7 @@ def test_semi_implicit_scheme_notices_that_the_water_answers_more_strongly(vehic
     assert np.abs(result["acceleration"].values[:, 0, 2]).max() < 2.0 * 9.81
     measured = np.flatnonzero(result["coupling_iterations"].values > 1)
     assert measured[0] == 0 and 20 <= measured[1] <= 35 and len(measured) <= 4
-    monkeypatch.setattr(exumob.coupling, "SWINGS", 10**6)
+    monkeypatch.setattr(exumob.coupling.schemes, "SWINGS", 10**6)
     try:
         stale = run(vehicle, sand, KeelGetsWet(), coupling=SemiImplicit())
     except SimulationError as error:
@@ -249,7 +252,7 @@ def test_own_flow_solver_resumes_with_the_same_bits(vehicle, sand, tmp_path):
 
     def go(**options):
         water_model = CfdHydrodynamics(
-            VehicleFlow(0.06, allow_coarse=True), development=Development(0.05, 0.04, 0.02, 4e-3)
+            BuiltInFlow(0.06, allow_coarse=True), development=FlowSpinUp(0.05, 0.04, 0.02, 4e-3)
         )  # fmt: skip
         return simulate(vehicle, sand, WATER, QUICK, water_model, duration=0.04, **STEPS, **options)
 
@@ -261,7 +264,7 @@ def test_own_flow_solver_resumes_with_the_same_bits(vehicle, sand, tmp_path):
 
 def test_run_stopped_before_the_release_goes_on(vehicle, sand, tmp_path, monkeypatch):
     """Stopped while the water develops, and again, later, on the way to the second place of rest."""
-    monkeypatch.setattr("exumob.hydrodynamics.coupled.KEPT_EVERY", 0.03)
+    monkeypatch.setattr("exumob.coupling.flow_in_loop.KEPT_EVERY", 0.03)
     file = tmp_path / "run.npz"
     single = run(vehicle, sand, duration=0.01)
     begun = []
@@ -361,7 +364,7 @@ def test_checkpoint_of_another_run_is_refused(vehicle, sand, tmp_path, monkeypat
     with pytest.raises(ValueError, match=r"another run: coupling, steps differ\."):
         changed = given | {"micro_step": 2.5e-4}
         simulate(vehicle, sand, WATER, QUICK, **changed, resume=True, coupling=Explicit(within_step="linear"))
-    monkeypatch.setattr(exumob.checkpoint, "program_digest", lambda: "another")
+    monkeypatch.setattr(exumob.simulation.checkpoint, "program_digest", lambda: "another")
     with pytest.raises(ValueError, match=r"another run: program differs"):
         simulate(vehicle, sand, WATER, QUICK, **given, resume=True)
 
@@ -438,8 +441,8 @@ def test_bad_input_is_named(vehicle, sand):
         simulate(vehicle, sand, None, QUICK, CfdHydrodynamics(StandIn()), duration=0.01, **STEPS)
     with pytest.raises(ValueError, match="cell_size and allow_coarse are those of the own solver"):
         CfdHydrodynamics(StandIn(), cell_size=0.02)
-    with pytest.raises(ValueError, match=r"Development\.interval = 0\.3 is outside"):
-        Development(interval=0.3)
+    with pytest.raises(ValueError, match=r"FlowSpinUp\.interval = 0\.3 is outside"):
+        FlowSpinUp(interval=0.3)
     with pytest.raises(ValueError, match=r"Strong\.tolerance = 2\.0 is outside"):
         Strong(tolerance=2.0)
     with pytest.raises(ValueError, match=r"Strong\.method = 'newton' is not known"):

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from exumob.environment import GRAVITY
-from exumob.maneuver import ConstantSteer, LaneChange, lane_change
-from exumob.multibody import MultibodyVehicle
-from exumob.results import energy_residual, ledger_residual
-from exumob.simulation import simulate
-from exumob.terrain import Terrain
+from exumob.driving.maneuver import ConstantSteer, LaneChange, lane_change
+from exumob.ground.terrain import Terrain
+from exumob.multibody.system import MultibodyVehicle
+from exumob.simulation.results import energy_residual, ledger_residual
+from exumob.simulation.run import simulate
+from exumob.support.constants import GRAVITY
 from vehicle_models.light_4x4 import light_4x4
 
 WEIGHT = 57.0 * GRAVITY

@@ -4,8 +4,8 @@ import numba
 import numpy as np
 import pytest
 
-from exumob.environment import Water
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, cylinder
+from exumob.water.conditions import Water
 
 
 def test_save_and_restore_bit_for_bit():

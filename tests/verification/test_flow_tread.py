@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from exumob.environment import Water
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, Tread, box, cylinder
 from exumob.flow.tread import push, tread_table
+from exumob.water.conditions import Water
 
 RADIUS, WIDTH, DEPTH = 0.12, 0.08, 0.2
 HALO = 2
@@ -34,7 +34,7 @@ def pushed(spin):
     wet = (solver._state.fraction >= 0.5).astype(np.uint8)
     du = tuple(np.zeros(solver.grid.padded_shape) for _ in range(3))
     still = np.zeros(solver.grid.padded_shape)
-    loads, none, o, m = np.zeros((1, 6)), np.zeros((1, 3)), solver.openness, solver.metrics
+    loads, none, o, m = np.zeros((1, 6)), np.zeros((1, 3)), solver.area_fractions, solver.metrics
     axle = np.array([[0.0, 1.0, 0.0]])
     push(
         du, still, still, still, solver._state.fraction, wet, o, solver._regions, np.array([[0.0, 0.0, DEPTH]]), none,

@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from exumob.environment import Water
 from exumob.flow import FlowSettings, FlowSolver, Grid, KOmegaSST, Poses, Smagorinsky, box, sphere
-from exumob.flow.komega import BETA, BETA_STAR, step_up
-from exumob.flow.spans import Spans
-from exumob.flow.turbulence import Walls
-from exumob.flow.wall import bed_shear, friction_velocity
+from exumob.flow.active_rows import ActiveRows
+from exumob.flow.turbulence.closures import Walls
+from exumob.flow.turbulence.komega import BETA, BETA_STAR, step_up
+from exumob.flow.turbulence.wall import bed_shear, friction_velocity
+from exumob.water.conditions import Water
 
 TANK = FlowSettings(follow=None, far_x=False, far_y=False, closure=KOmegaSST())
 HALO = 2
@@ -113,7 +113,7 @@ def mirrored(q, across=False):
 def test_one_step_of_the_closure_mirrors():
     """The same flow and its mirror image, given to the closure: to round-off, 1e-10 of the largest value."""
     solver = around_a_box(1.0)
-    state, m, o = solver._state, solver.metrics, solver.openness
+    state, m, o = solver._state, solver.metrics, solver.area_fractions
     old = state.turbulence
     at, none = np.array([[0.0, 0.06, 0.14]]), np.zeros((1, 3))
     friction = np.array([0.005])
@@ -128,7 +128,7 @@ def test_one_step_of_the_closure_mirrors():
         (mirrored(fx), -mirrored(fy, True), mirrored(fz)), mirrored(solver._state.wet),
         Walls(other, at * [1, -1, 1], none, none, friction, 1e-3), np.stack([mirrored(q) for q in old]),
     )  # fmt: skip
-    results, whole = [], Spans.padded(old.shape[1:])
+    results, whole = [], ActiveRows.padded(old.shape[1:])
     for u, v, w, flow, wet, bounds, fields in (given, reverse):
         new, viscosity = np.zeros_like(old), np.zeros_like(fx)
         KOmegaSST().update(
@@ -157,7 +157,7 @@ def test_failed_step_leaves_the_fields(monkeypatch):
     """A step that fails after the closure has run, then done again: as if it had never been tried."""
     solver = around_a_box(1.0, steps=5)
     before = {name: values.copy() for name, values in solver.turbulence.items() if name != "viscosity"}
-    from exumob.flow import pressure
+    from exumob.flow.pressure import assembly as pressure
 
     solve = pressure.solve
     monkeypatch.setattr(pressure, "solve", lambda *a: pressure.Outcome(1, math.nan, False))

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from exumob.environment import Water
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, vehicle_solids
+from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 
 VEHICLE = amphibious_vehicle()

@@ -10,8 +10,9 @@ import pytest
 from scipy.optimize import brentq, root
 from scipy.spatial.transform import Rotation
 
-from exumob.environment import GRAVITY
-from exumob.hydrodynamics.surface import (
+from exumob.support.constants import GRAVITY
+from exumob.vehicle.parameters import load_vehicle
+from exumob.water.wetted_surface import (
     body_surfaces,
     box_surface,
     cylinder_surface,
@@ -21,7 +22,6 @@ from exumob.hydrodynamics.surface import (
     wetted,
     wheel_surface,
 )
-from exumob.vehicle import load_vehicle
 
 DENSITY = 1000.0
 LENGTH, WIDTH, HEIGHT = 1.0, 0.44, 0.2

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 from scipy.optimize import fsolve
 
-import exumob.multibody
-from exumob.environment import GRAVITY, Soil, Water
-from exumob.loads import stop_force
-from exumob.maneuver import ConstantSteer, LaneChange
-from exumob.multibody import MultibodyVehicle
-from exumob.simulation import simulate
-from exumob.terrain import Terrain
+import exumob.multibody.system
+from exumob.driving.maneuver import ConstantSteer, LaneChange
+from exumob.ground.soil import Soil
+from exumob.ground.terrain import Terrain
+from exumob.multibody.applied_loads import stop_force
+from exumob.multibody.system import MultibodyVehicle
+from exumob.simulation.run import simulate
+from exumob.support.constants import GRAVITY
+from exumob.water.conditions import Water
 from vehicle_models.light_4x4 import light_4x4
 
 CALM = np.zeros((5, 6))
@@ -152,7 +154,9 @@ def test_stands_and_drives_on_a_height_field(vehicle, sand):
 
 def test_a_vehicle_swept_away_has_no_equilibrium(vehicle, sand):
     """Afloat in D150 nothing holds it against the current: settle() promises a SimulationError."""
-    with pytest.raises(exumob.errors.SimulationError, match=r"equilibrium.*Lower the water depth or the current"):
+    with pytest.raises(
+        exumob.support.errors.SimulationError, match=r"equilibrium.*Lower the water depth or the current"
+    ):
         simulate(vehicle, sand, Water.at_ratio(1.5, 1.0), STILL, duration=0.1, micro_step=1e-3, macro_step=20e-3)
 
 
@@ -368,7 +372,7 @@ def test_order_of_convergence_in_the_micro_step(vehicle, sand, monkeypatch):
 
     Newton's tolerances are tightened so that they do not hide it: as shipped they leave 1e-6 m, see the next test.
     """
-    settings = exumob.multibody._solver_settings
+    settings = exumob.multibody.system._solver_settings
 
     def tight(*arguments, **options):
         chosen = settings(*arguments, **options)
@@ -376,7 +380,7 @@ def test_order_of_convergence_in_the_micro_step(vehicle, sand, monkeypatch):
         newton.relativeTolerance, newton.absoluteTolerance = 1e-9, 1e-10
         return chosen
 
-    monkeypatch.setattr(exumob.multibody, "_solver_settings", tight)
+    monkeypatch.setattr(exumob.multibody.system, "_solver_settings", tight)
     brisk = LaneChange(start=0.1, end=0.4, ramp_time=0.15)
     ends = []
     for step in (1e-3, 5e-4, 2.5e-4, 1.25e-4):

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exumob.errors import SimulationError
-from exumob.results import load_dataset
+from exumob.simulation.results import load_dataset
+from exumob.support.errors import SimulationError
 from exumob.sweeps import grid, sweep
 from exumob.sweeps.experiment import amphibious_lane_change
 

@@ -14,9 +14,9 @@ import pytest
 from scipy.integrate import quad_vec
 from scipy.optimize import brentq
 
-from exumob import terramechanics
-from exumob.environment import Soil
-from exumob.terramechanics import wheel_soil_kernel
+from exumob.ground import terramechanics
+from exumob.ground.soil import Soil
+from exumob.ground.terramechanics import wheel_soil_kernel
 
 RATE = 0.01
 REGIMES = ("driving", "braking", "any slip", "counter-rotating", "locked", "nearly locked", "nearly at rest", "at rest")

@@ -9,10 +9,10 @@ import math
 import numpy as np
 import pytest
 
-from exumob.environment import Water
-from exumob.flow.captive import captive_grid, doubled_grid
-from exumob.flow.captive_checks import check_resolution
+from exumob.towing_tank.checks import check_resolution
+from exumob.towing_tank.run import captive_grid, doubled_grid
 from exumob.verification import runs, squat, towing
+from exumob.water.conditions import Water
 
 QUICK = {"cell_size": 0.04, "duration": 0.12, "interval": 0.002, "allow_coarse": True}
 

@@ -1,0 +1,1 @@
+"""How the vehicle is driven: steering and wheel speed over time, or by a driver who looks."""

@@ -1,0 +1,230 @@
+"""What the driver does: steering angle and wheel speed over time, with two derivatives each.
+
+The multibody model prescribes both as kinematic constraints (paper Eq. 6), so they must be smooth: C2, starting from
+rest with zero angular acceleration (a sudden start means spin torques of hundreds of N m in the first step).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import math
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import BSpline, make_interp_spline
+
+from exumob.support.checks import require_finite, require_positive, require_within
+from exumob.vehicle.motion import BodyStates
+from exumob.vehicle.parameters import Motion, Vehicle
+
+logger = logging.getLogger(__name__)
+
+
+class Maneuver(Protocol):
+    """Steering and wheel speed as functions of time."""
+
+    def steering(self, time: float) -> Motion:
+        """Mean front-wheel angle [rad] (positive: left), rate [rad/s], acceleration [rad/s^2]."""
+
+    def wheel_speed(self, time: float) -> Motion:
+        """Spin of all four wheels [rad/s] (positive: forward), and its two derivatives."""
+
+
+class Driver(Maneuver, Protocol):
+    """Somebody who drives one run and looks at the vehicle as it goes."""
+
+    def observe(self, states: BodyStates) -> None:
+        """See the vehicle as it is now (n = 1); steering and wheel speed may change from here on, without a jump."""
+
+    def save(self) -> dict[str, Any]:
+        """All that the next steps depend on: arrays, numbers and text by name, so that it can be written (copied)."""
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Return to a state given by `save`."""
+
+
+@runtime_checkable
+class FeedbackManeuver(Maneuver, Protocol):
+    """A maneuver whose steering answers to the motion of the vehicle (`exumob.driving.path_following`).
+
+    To be resumed from a checkpoint it must be a dataclass, or have a dict `parameters`: what it is made of.
+    """
+
+    control_step: float
+    """Interval at which the driver looks [s]."""
+    max_steering: float
+    """Largest steering angle that is ever asked for [rad]."""
+
+    def driver(self, vehicle: Vehicle) -> Driver:
+        """Begin a run: looks at time 0 first."""
+
+
+def smooth_step(x: float) -> Motion:
+    """Quintic step from 0 (x <= 0) to 1 (x >= 1) with zero first and second derivatives at both ends."""
+    if x <= 0.0:
+        return 0.0, 0.0, 0.0
+    if x >= 1.0:
+        return 1.0, 0.0, 0.0
+    return (
+        x**3 * (10.0 - 15.0 * x + 6.0 * x * x),
+        30.0 * x * x * (1.0 - x) ** 2,
+        60.0 * x * (1.0 - x) * (1.0 - 2.0 * x),
+    )
+
+
+def ramp(time: float, duration: float, final: float) -> Motion:
+    """Quintic ramp from 0 at time 0 to `final` at `duration`."""
+    s, d, dd = smooth_step(time / duration)
+    return final * s, final * d / duration, final * dd / duration**2
+
+
+@dataclass(frozen=True)
+class LaneChange:
+    """The paper's single lane change (Fig. 5): wheel speed ramped up, then one sine period of steering.
+
+    The sine is faded in and out by a quintic step over the first and last tenth of its period, so that the angle is C2
+    everywhere; its peaks are untouched.
+    """
+
+    amplitude: float = math.radians(30.0)
+    """Steering amplitude [rad]; positive turns left first, negative is the mirror case"""
+    start: float = 2.0
+    """Of the steering [s]"""
+    end: float = 5.5
+    """Of the steering [s]"""
+    speed: float = 10.0
+    """Final wheel speed [rad/s]"""
+    ramp_time: float = 1.0
+    """Time from rest to the final wheel speed [s]"""
+
+    def __post_init__(self) -> None:
+        require_within("LaneChange", -math.radians(80.0), math.radians(80.0), amplitude=self.amplitude)
+        require_finite("LaneChange", speed=self.speed, start=self.start)
+        require_positive("LaneChange", ramp_time=self.ramp_time, end=self.end)
+        if not 0.0 <= self.start < self.end:
+            raise ValueError(
+                f"LaneChange.start = {self.start} s must be >= 0 and before end = {self.end} s; move one of them."
+            )
+
+    def steering(self, time: float) -> Motion:
+        """Mean front-wheel angle [rad], rate and acceleration."""
+        period = self.end - self.start
+        x = (time - self.start) / period
+        if x <= 0.0 or x >= 1.0:
+            return 0.0, 0.0, 0.0
+        fade = 10.0
+        w, dw, ddw = smooth_step(fade * min(x, 1.0 - x))
+        side = 1.0 if x <= 0.5 else -1.0
+        dw, ddw = side * fade * dw, fade**2 * ddw
+        s, c = math.sin(2.0 * math.pi * x), math.cos(2.0 * math.pi * x)
+        ds, dds = 2.0 * math.pi * c, -4.0 * math.pi**2 * s
+        return (
+            self.amplitude * w * s,
+            self.amplitude * (dw * s + w * ds) / period,
+            self.amplitude * (ddw * s + 2.0 * dw * ds + w * dds) / period**2,
+        )
+
+    def wheel_speed(self, time: float) -> Motion:
+        """Spin of all wheels [rad/s], and its two derivatives."""
+        return ramp(time, self.ramp_time, self.speed)
+
+
+@dataclass(frozen=True)
+class ConstantSteer:
+    """Wheel speed ramped up, then a steering angle ramped up and held: straight driving, circles, standing still."""
+
+    angle: float = 0.0
+    """Final steering angle [rad]"""
+    speed: float = 10.0
+    """Final wheel speed [rad/s]; 0: the vehicle stands on locked wheels"""
+    ramp_time: float = 1.0
+    """Of the wheel speed, then of the steering [s]"""
+
+    def __post_init__(self) -> None:
+        require_within("ConstantSteer", -math.radians(80.0), math.radians(80.0), angle=self.angle)
+        require_finite("ConstantSteer", speed=self.speed)
+        require_positive("ConstantSteer", ramp_time=self.ramp_time)
+
+    def steering(self, time: float) -> Motion:
+        """Mean front-wheel angle [rad], rate and acceleration."""
+        return ramp(time - self.ramp_time, self.ramp_time, self.angle)
+
+    def wheel_speed(self, time: float) -> Motion:
+        """Spin of all wheels [rad/s], and its two derivatives."""
+        return ramp(time, self.ramp_time, self.speed)
+
+
+class Recorded:
+    """Steering and wheel speed interpolated from recorded samples: quintic splines that start and end steady.
+
+    At both ends the first and second derivatives are zero, so that the vehicle starts without a jolt.
+
+    Parameters
+    ----------
+    time : array, shape (n,), n >= 4
+        Increasing from 0 [s].
+    steering : array, shape (n,)
+        Mean front-wheel angle [rad].
+    wheel_speed : array, shape (n,)
+        [rad/s]; must start at 0 (the vehicle starts at rest).
+
+    Raises
+    ------
+    ValueError
+        If shapes differ, times do not increase from 0, or the wheels do not start at rest.
+    """
+
+    def __init__(self, time: ArrayLike, steering: ArrayLike, wheel_speed: ArrayLike) -> None:
+        """Fit the splines."""
+        t, angle, speed = (np.asarray(a, dtype=float) for a in (time, steering, wheel_speed))
+        if t.ndim != 1 or len(t) < 4 or t.shape != angle.shape or t.shape != speed.shape:
+            raise ValueError(
+                f"Recorded: time {t.shape}, steering {angle.shape} and wheel_speed {speed.shape} must be equally long "
+                "series of at least 4 samples."
+            )
+        if not (np.isfinite(t).all() and np.isfinite(angle).all() and np.isfinite(speed).all()):
+            raise ValueError("Recorded: a sample is not finite; remove or fill the gaps.")
+        if t[0] != 0.0 or (np.diff(t) <= 0.0).any():
+            raise ValueError("Recorded.time must increase from 0 s; shift or sort the samples.")
+        if speed[0] != 0.0:
+            raise ValueError(f"Recorded.wheel_speed starts at {speed[0]} rad/s; it must start at rest (0 rad/s).")
+        self._end = float(t[-1])
+        self.parameters = {"time": t.tolist(), "steering": angle.tolist(), "wheel_speed": speed.tolist()}
+        """The samples, as kept in results."""
+        steady = [(1, 0.0), (2, 0.0)]
+        self._angle, self._speed = (make_interp_spline(t, a, 5, bc_type=(steady, steady)) for a in (angle, speed))
+
+        fine = np.linspace(0.0, self._end, 20 * len(t))
+        for name, samples, spline in (("steering", angle, self._angle), ("wheel_speed", speed, self._speed)):
+            between = spline(fine)
+            overshoot = max(between.max() - samples.max(), samples.min() - between.min())
+            if overshoot > 0.05 * np.ptp(samples):
+                logger.warning(
+                    "Recorded.%s: the smooth curve through the samples overshoots them by %.3g, over 5 %% of their "
+                    "range; give more samples where they bend.", name, overshoot,
+                )  # fmt: skip
+
+    def __repr__(self) -> str:
+        digest = hashlib.sha256(repr(self.parameters).encode()).hexdigest()[:16]
+        return f"Recorded({len(self.parameters['time'])} samples, {digest})"
+
+    def _motion(self, spline: BSpline, time: float) -> Motion:
+        t = min(max(time, 0.0), self._end)
+        inside = 0.0 <= time <= self._end
+        return float(spline(t)), inside * float(spline(t, 1)), inside * float(spline(t, 2))
+
+    def steering(self, time: float) -> Motion:
+        """Mean front-wheel angle [rad], rate and acceleration."""
+        return self._motion(self._angle, time)
+
+    def wheel_speed(self, time: float) -> Motion:
+        """Spin of all wheels [rad/s], and its two derivatives."""
+        return self._motion(self._speed, time)
+
+
+def lane_change(amplitude: float = math.radians(30.0), speed: float = 10.0) -> LaneChange:
+    """Return the reference maneuver: 10 rad/s, one sine of 30 deg from 2.0 to 5.5 s (paper Fig. 5)."""
+    return LaneChange(amplitude=amplitude, speed=speed)

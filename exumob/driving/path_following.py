@@ -1,0 +1,260 @@
+"""A driver who looks where the vehicle is: Stanley's steering law along a path, as a maneuver with feedback.
+
+Hoffmann, Tomlin, Montemerlo & Thrun, Autonomous automobile trajectory tracking for off-road driving (ACC 2007): the
+front wheels are turned by the heading error and by an angle that grows with the distance of the front axle from the
+path. Two terms are added to it: damping of the yaw rate (theirs, too) and, for a current from the side, the integral of
+the distance.
+
+The steering constraint of the multibody model needs angles with two derivatives. So the driver plans: every
+`PathFollowing.control_step` a quintic begins from the angle, rate and acceleration that the wheels have, and ends at
+rest at the angle wanted, `response_time` later.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from exumob.driving.maneuver import ramp, smooth_step
+from exumob.support.arrays import Array
+from exumob.support.checks import require_finite, require_positive, require_within
+from exumob.vehicle.motion import BodyStates
+from exumob.vehicle.parameters import Motion, Vehicle
+
+SHARPEST = math.radians(60.0)
+"""Largest turn of a path at a waypoint [rad]."""
+REACH = 2.0
+"""Way along the path, back and ahead of where the vehicle was last, in which the nearest point is sought [m]."""
+INTEGRAL_LIMIT = math.radians(15.0)
+"""Of the angle that the integral of the distance may ask for (against wind-up)."""
+
+
+Point = tuple[float, float]
+"""World x, y [m]."""
+
+
+def lane_shift(offset: float = 0.5, start: float = 1.0, length: float = 2.5, end: float = 20.0) -> tuple[Point, ...]:
+    """Waypoints of a lane change: straight ahead, to the left by `offset` on a quintic, straight on.
+
+    Parameters
+    ----------
+    offset : float
+        [m]; negative: to the right.
+    start, length : float
+        Where the change begins and what it takes of the way ahead [m].
+    end : float
+        Where the path ends [m].
+    """
+    require_finite("lane_shift", offset=offset)
+    require_positive("lane_shift", length=length)
+    require_within("lane_shift", 0.0, end - length, "leave way for the change.", start=start)
+    between = start + length * np.linspace(0.0, 1.0, 41)
+    curve = [(float(x), offset * smooth_step((x - start) / length)[0]) for x in between]
+    return ((-1.0, 0.0), *curve, (end, offset))
+
+
+@dataclass(frozen=True)
+class PathFollowing:
+    """Wheel speed ramped up; steering by Stanley's law along waypoints.
+
+    The angle wanted is, left positive, with the heading error psi (heading less the path's), the distance e of the
+    front axle to the left of the path, its speed v and the yaw rate r,
+    - psi - arctan(gain e / (v + softening_speed)) - yaw_damping r - integral_gain (integral of e).
+    """
+
+    waypoints: tuple[Point, ...] = lane_shift()
+    """World x, y [m], two at least; before the first and after the last the path goes straight on. The heading wanted
+    turns from the middle of one piece to the middle of the next: give points so close that a bend is round"""
+    speed: float = 10.0
+    """Final wheel speed [rad/s]"""
+    ramp_time: float = 1.0
+    """Time from rest to the final wheel speed [s]"""
+    gain: float = 1.0
+    """Speed of approach over distance [1/s]"""
+    softening_speed: float = 0.2
+    """Keeps the steering calm at low speed [m/s]"""
+    yaw_damping: float = 0.1
+    """Angle over yaw rate [s]"""
+    integral_gain: float = 0.0
+    """Angle over the integral of the distance [rad/(m s)]"""
+    max_steering: float = math.radians(30.0)
+    """[rad]"""
+    max_rate: float = 2.0
+    """Peak rate of a turn of the wheels from rest to rest [rad/s]; one that begins in motion may go half faster"""
+    control_step: float = 0.02
+    """Interval at which the driver looks [s]"""
+    response_time: float = 0.15
+    """From an angle wanted to the angle reached [s]"""
+
+    def __post_init__(self) -> None:
+        points = np.asarray(self.waypoints, float)
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.isfinite(points).all():
+            raise ValueError(
+                f"PathFollowing.waypoints has shape {points.shape}; give two points (x, y) [m] at least, all finite."
+            )
+        if (np.hypot(*np.diff(points, axis=0).T) < 1e-6).any():
+            raise ValueError("PathFollowing.waypoints: two points in a row coincide; leave one of them out.")
+        step = np.diff(points, axis=0)
+        bend = np.arctan2(step[:-1, 0] * step[1:, 1] - step[:-1, 1] * step[1:, 0], (step[:-1] * step[1:]).sum(axis=1))
+        if len(bend) and np.abs(bend).max() > SHARPEST:
+            n = int(np.abs(bend).argmax())
+            raise ValueError(
+                f"PathFollowing.waypoints: a turn of {math.degrees(abs(bend[n])):.0f} degrees at point {n + 2}, "
+                f"more than {math.degrees(SHARPEST):.0f}; round the corner with more points."
+            )
+        object.__setattr__(self, "waypoints", tuple((float(x), float(y)) for x, y in points))
+        require_finite("PathFollowing", speed=self.speed)
+        require_positive(
+            "PathFollowing", ramp_time=self.ramp_time, softening_speed=self.softening_speed, max_rate=self.max_rate,
+            control_step=self.control_step, response_time=self.response_time, max_steering=self.max_steering,
+        )  # fmt: skip
+        if self.control_step > 0.5 * self.response_time:
+            raise ValueError(
+                f"PathFollowing.control_step = {self.control_step} s must be at most half of response_time = "
+                f"{self.response_time} s; look more often."
+            )
+        require_within("PathFollowing", 0.0, 100.0, gain=self.gain, integral_gain=self.integral_gain)
+        require_within("PathFollowing", 0.0, 10.0, yaw_damping=self.yaw_damping)
+        require_within("PathFollowing", 0.0, math.radians(80.0), max_steering=self.max_steering)
+
+    def steering(self, time: float) -> Motion:
+        """Straight ahead, as long as nobody drives (`driver`)."""
+        return 0.0, 0.0, 0.0
+
+    def wheel_speed(self, time: float) -> Motion:
+        """Spin of all wheels [rad/s], and its two derivatives."""
+        return ramp(time, self.ramp_time, self.speed)
+
+    def driver(self, vehicle: Vehicle) -> StanleyDriver:
+        """Somebody who follows the path with this vehicle, for one run."""
+        return StanleyDriver(self)
+
+    def deviation(self, run: xr.Dataset, body: str = "hull") -> xr.DataArray:
+        """Distance of a body's origin to the left of the path [m], dims (time,)."""
+        places = run["position"].sel(body=body, axis=["x", "y"]).values
+        path, arc, found = _Polyline(self.waypoints), None, []
+        for x, y in places:
+            distance, _, arc = path.nearest(x, y, arc)
+            found.append(distance)
+        return xr.DataArray(
+            found, {"time": run["time"]}, ("time",),
+            attrs={"units": "m", "long_name": f"distance of the {body} to the left of the path"},
+        )  # fmt: skip
+
+
+class StanleyDriver:
+    """Steers one run along the path of a `PathFollowing`."""
+
+    def __init__(self, maneuver: PathFollowing) -> None:
+        """Begin with the wheels straight."""
+        self.maneuver = maneuver
+        self._path = _Polyline(maneuver.waypoints)
+        self._plan = np.zeros(8)  # start, polynomial of (time - start)
+        self._wanted = 0.0
+        self._integral = 0.0  # of the distance [m s]
+        self._seen: float | None = None
+        self._arc: float | None = None  # way along the path [m]
+
+    def steering(self, time: float) -> Motion:
+        """Mean front-wheel angle [rad], rate and acceleration, as planned last."""
+        start, c0, c1, c2, c3, c4, c5, end = self._plan
+        if time >= end:
+            return self._wanted, 0.0, 0.0
+        t = time - start
+        return (
+            c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5)))),
+            c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5))),
+            2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5)),
+        )
+
+    def wheel_speed(self, time: float) -> Motion:
+        """Spin of all wheels [rad/s], and its two derivatives."""
+        return self.maneuver.wheel_speed(time)
+
+    def observe(self, states: BodyStates) -> None:
+        """Look at the vehicle (n = 1) and plan anew."""
+        told, time = self.maneuver, float(states.time[0])
+        x, y = states.position[0, 1:3, :2].mean(axis=0)  # front axle
+        ahead = states.rotation[0, 0, :2, 0] / np.hypot(*states.rotation[0, 0, :2, 0])
+        distance, direction, self._arc = self._path.nearest(x, y, self._arc)
+        heading = math.atan2(ahead[1], ahead[0])
+        error = (heading - direction + math.pi) % (2.0 * math.pi) - math.pi
+        speed = max(float(states.velocity[0, 1:3, :2].mean(axis=0) @ ahead), 0.0)
+        if self._seen is not None:
+            self._integral += (time - self._seen) * distance
+        self._seen = time
+        if told.integral_gain > 0.0:
+            most = INTEGRAL_LIMIT / told.integral_gain
+            self._integral = min(max(self._integral, -most), most)
+        wanted = (
+            -error
+            - math.atan2(told.gain * distance, speed + told.softening_speed)
+            - told.yaw_damping * float(states.angular_velocity[0, 0, 2])
+            - told.integral_gain * self._integral
+        )
+        most = 0.98 * told.max_steering  # a quintic that begins in motion overshoots a little
+        self._turn_to(min(max(wanted, -most), most), time)
+
+    def _turn_to(self, wanted: float, time: float) -> None:
+        """Quintic from the present motion to rest at the angle wanted."""
+        angle, rate, acceleration = self.steering(time)
+        span = self.maneuver.response_time
+        most = self.maneuver.max_rate * span / 1.875  # peak rate of a quintic from rest to rest
+        self._wanted = angle + min(max(wanted - angle, -most), most)
+        c0, c1, c2 = angle, rate, 0.5 * acceleration
+        rest = self._wanted - (c0 + span * (c1 + span * c2))
+        slope, bend = -(c1 + 2.0 * span * c2), -2.0 * c2
+        c3 = (10.0 * rest - 4.0 * span * slope + 0.5 * span**2 * bend) / span**3
+        c4 = (-15.0 * rest + 7.0 * span * slope - span**2 * bend) / span**4
+        c5 = (6.0 * rest - 3.0 * span * slope + 0.5 * span**2 * bend) / span**5
+        self._plan[:] = time, c0, c1, c2, c3, c4, c5, time + span
+
+    def save(self) -> dict[str, Any]:
+        """All that the next look depends on."""
+        return {
+            "plan": self._plan.copy(), "wanted": self._wanted, "integral": self._integral, "seen": self._seen,
+            "arc": self._arc,
+        }  # fmt: skip
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Return to a state given by `save`."""
+        self._plan[:] = saved["plan"]
+        self._wanted, self._integral, self._seen = saved["wanted"], saved["integral"], saved["seen"]
+        self._arc = saved["arc"]
+
+
+class _Polyline:
+    """Straight pieces between waypoints; the heading turns from the middle of one to the middle of the next."""
+
+    def __init__(self, waypoints: tuple[Point, ...]) -> None:
+        points = np.array(waypoints, float)
+        step = np.diff(points, axis=0)
+        self.length = np.hypot(*step.T)
+        self.start, self.along = points[:-1], step / self.length[:, None]
+        self.arc = np.concatenate([[0.0], np.cumsum(self.length)])
+        self.heading: Array = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+        self.middle = 0.5 * (self.arc[:-1] + self.arc[1:])
+
+    def nearest(self, x: float, y: float, last: float | None = None) -> tuple[float, float, float]:
+        """Distance to the left of the path [m], the path's heading there [rad], and the way along the path [m].
+
+        With `last`, the way along the path a moment ago, only `REACH` about it is looked at: a path may cross itself.
+        """
+        offset = np.array([x, y]) - self.start
+        low, high = np.zeros(len(self.length)), self.length.copy()
+        low[0], high[-1] = -np.inf, np.inf  # straight on at both ends
+        if last is not None:
+            low = np.maximum(low, last - REACH - self.arc[:-1])
+            high = np.minimum(high, last + REACH - self.arc[:-1])
+        foot = np.clip((offset * self.along).sum(axis=1), low, np.maximum(low, high))
+        off = offset - foot[:, None] * self.along
+        squared = np.where(low <= high, (off**2).sum(axis=1), np.inf)
+        n = int(np.argmin(squared))
+        left = self.along[n, 0] * offset[n, 1] - self.along[n, 1] * offset[n, 0]
+        distance = math.copysign(float(np.hypot(*off[n])), left)
+        way = float(self.arc[n] + foot[n])
+        return distance, float(np.interp(way, self.middle, self.heading)), way

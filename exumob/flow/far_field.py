@@ -1,0 +1,308 @@
+"""What surrounds the window: far field, tank walls, bed and air."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, prange
+
+from exumob.flow.active_rows import ActiveRows
+from exumob.flow.grid import HALO, Metrics
+from exumob.support.arrays import Array
+
+ALONG_THE_SIDE = 0.01
+"""Least share of a side's rates that acts along it [-]: a perfectly matched layer has none, but then steady currents
+along the side, and what they pile up, would stay."""
+SLOWEST = 0.25
+"""Least speed of waves that leave against the current, over sqrt(g depth), for which a zone's rates are made [-]"""
+
+
+class Rates(NamedTuple):
+    """How fast the far field draws the water towards still water or the current [1/s], halo included.
+
+    Velocity components are taken on their faces: a rate half a cell off reflects waves and tells low sides from high.
+    """
+
+    x: Array
+    """Of the sides across x, at the cells' centres along x"""
+    y: Array
+    x_faces: Array
+    """At their low faces"""
+    y_faces: Array
+    along_x: float
+    """Share of the rates of the sides across x that acts along these sides [-]"""
+    along_y: float
+
+
+def absorbing_rates(
+    metrics: Metrics, far: tuple[bool, bool], flow: Array, celerity: float, width: float, strength: float
+) -> Rates:
+    """Rates of the zones before the far sides.
+
+    They rise with the cube of the way into the zone, and are less where waves leave against the current and stay in
+    the zone for longer. The zones are matched layers (`relax_level`) as long as the flow through the side is slow
+    beside the waves; in a current, waves with phase and group velocities of opposite signs would grow in these (Hu,
+    J. Comput. Phys. 173 (2001) 455), and everything is damped alike.
+
+    Parameters
+    ----------
+    far : two bools
+        Whether the sides across x and across y are far field.
+    flow : array, shape (2,)
+        Undisturbed flow relative to the grid [m/s].
+    celerity : float
+        sqrt(g depth) [m/s].
+    width, strength : float
+        `FlowSettings.absorbing_width` [m], `FlowSettings.absorbing_strength` [-].
+    """
+
+    def rates(axis: int, places: Array, faces: Array) -> Array:
+        low, high = places - faces[HALO], faces[-HALO - 1] - places
+        outward = np.where(low < high, -flow[axis], flow[axis])
+        speed = np.maximum(celerity + np.minimum(outward, 0.0), SLOWEST * celerity)
+        into = np.clip(1.0 - np.minimum(low, high) / width, 0.0, 1.0)
+        return far[axis] * strength / width * speed * into**3
+
+    along = ALONG_THE_SIDE + (1.0 - ALONG_THE_SIDE) * np.minimum(np.abs(flow) / celerity, 1.0) ** 2
+    return Rates(
+        rates(0, metrics.xc, metrics.xf), rates(1, metrics.yc, metrics.yf), rates(0, metrics.xf, metrics.xf),
+        rates(1, metrics.yf, metrics.yf), float(along[0]), float(along[1]),
+    )  # fmt: skip
+
+
+def level_fractions(metrics: Metrics, level: float) -> Array:
+    """Fraction of each layer below a level [m], shape (nz,)."""
+    return np.clip((level - metrics.zf[:-1]) / metrics.dz, 0.0, 1.0)
+
+
+@njit(cache=True, error_model="numpy")
+def fill_fraction(fraction: Array, still: Array, far_x: bool, far_y: bool) -> None:
+    """Set the halo of the fraction: still water at far sides, a mirror at walls, bed and top.
+
+    Parameters
+    ----------
+    fraction : array, changed
+        [-]
+    still : array, shape (nz,)
+        Fraction of each layer in still water.
+    far_x, far_y : bool
+        Whether the sides across x and across y are far field; walls otherwise.
+    """
+    ny, nz, nx = fraction.shape
+    for n in range(HALO):
+        low, low_in, high_n, high_in = HALO - 1 - n, HALO + n, n, -1 - n
+        for j in range(ny):
+            for k in range(nz):
+                a, b = nx - HALO + high_n, nx - HALO + high_in
+                fraction[j, k, low] = still[k] if far_x else fraction[j, k, low_in]
+                fraction[j, k, a] = still[k] if far_x else fraction[j, k, b]
+        for k in range(nz):
+            a, b = ny - HALO + high_n, ny - HALO + high_in
+            for i in range(nx):
+                fraction[low, k, i] = still[k] if far_y else fraction[low_in, k, i]
+                fraction[a, k, i] = still[k] if far_y else fraction[b, k, i]
+        for j in range(ny):
+            a, b = nz - HALO + high_n, nz - HALO + high_in
+            for i in range(nx):
+                fraction[j, low, i] = fraction[j, low_in, i]
+                fraction[j, a, i] = fraction[j, b, i]
+
+
+@njit(cache=True, error_model="numpy")
+def fill_velocity(u: Array, v: Array, w: Array, far: Array, far_x: bool, far_y: bool, closed_top: bool) -> None:
+    """Set the velocity on the window's sides and in the halo.
+
+    Far sides carry the undisturbed flow `far` (grid axes [m/s], shape (3,)); walls, the bed and a closed top let
+    nothing through and slip freely; an open top repeats the layer below.
+    """
+    ny, nz, nx = u.shape
+    for j in range(ny):
+        for k in range(nz):
+            if far_x:
+                for n in range(HALO):
+                    u[j, k, n], v[j, k, n], w[j, k, n] = far[0], far[1], far[2]
+                    m = nx - HALO + n
+                    u[j, k, m], v[j, k, m], w[j, k, m] = far[0], far[1], far[2]
+                u[j, k, HALO] = far[0]
+            else:
+                u[j, k, HALO], u[j, k, nx - HALO] = 0.0, 0.0
+                u[j, k, 1], u[j, k, 0] = -u[j, k, HALO + 1], -u[j, k, HALO + 2]
+                u[j, k, nx - 1] = -u[j, k, nx - HALO - 1]
+                for n in range(HALO):
+                    a, b = HALO - 1 - n, HALO + n
+                    v[j, k, a], w[j, k, a] = v[j, k, b], w[j, k, b]
+                    a, b = nx - HALO + n, nx - HALO - 1 - n
+                    v[j, k, a], w[j, k, a] = v[j, k, b], w[j, k, b]
+    for k in range(nz):
+        for i in range(nx):
+            if far_y:
+                for n in range(HALO):
+                    u[n, k, i], v[n, k, i], w[n, k, i] = far[0], far[1], far[2]
+                    m = ny - HALO + n
+                    u[m, k, i], v[m, k, i], w[m, k, i] = far[0], far[1], far[2]
+                v[HALO, k, i] = far[1]
+            else:
+                v[HALO, k, i], v[ny - HALO, k, i] = 0.0, 0.0
+                v[1, k, i], v[0, k, i] = -v[HALO + 1, k, i], -v[HALO + 2, k, i]
+                v[ny - 1, k, i] = -v[ny - HALO - 1, k, i]
+                for n in range(HALO):
+                    a, b = HALO - 1 - n, HALO + n
+                    u[a, k, i], w[a, k, i] = u[b, k, i], w[b, k, i]
+                    a, b = ny - HALO + n, ny - HALO - 1 - n
+                    u[a, k, i], w[a, k, i] = u[b, k, i], w[b, k, i]
+    sign = -1.0 if closed_top else 1.0
+    for j in range(ny):
+        for i in range(nx):
+            w[j, HALO, i] = 0.0
+            w[j, 1, i], w[j, 0, i] = -w[j, HALO + 1, i], -w[j, HALO + 2, i]
+            if closed_top:
+                w[j, nz - HALO, i] = 0.0
+            w[j, nz - 1, i] = sign * w[j, nz - HALO - 1, i]
+            for n in range(HALO):
+                a, b = HALO - 1 - n, HALO + n
+                u[j, a, i], v[j, a, i] = u[j, b, i], v[j, b, i]
+                a, b = nz - HALO + n, nz - HALO - 1 - n
+                u[j, a, i], v[j, a, i] = u[j, b, i], v[j, b, i]
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def relax_velocity(u: Array, v: Array, far: Array, rates: Rates, dt: float, spans: ActiveRows) -> None:
+    """Draw the horizontal velocity towards the undisturbed flow, implicitly; the vertical one follows the pressure."""
+    ny, nz, nx = u.shape
+    lo, hi = spans
+    x, y, x_faces, y_faces, along_x, along_y = rates
+    for j in prange(HALO, ny - HALO + 1):
+        for k in range(HALO, nz - HALO):
+            for i in range(max(lo[j, k], HALO), min(hi[j, k], nx - HALO + 1)):
+                if max(x[i], y[j], x_faces[i], y_faces[j]) > 0.0:
+                    u[j, k, i] = far[0] + (u[j, k, i] - far[0]) / (1.0 + dt * (x_faces[i] + along_y * y[j]))
+                    v[j, k, i] = far[1] + (v[j, k, i] - far[1]) / (1.0 + dt * (y_faces[j] + along_x * x[i]))
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _rise(fraction: Array, level: float, bed: float, j: int, i: int, metrics: Metrics) -> tuple[int, float]:
+    """First cell of a column that counts, the one that holds the bed, and the rise above still water [m]."""
+    nz = fraction.shape[1]
+    lowest = HALO
+    while lowest < nz - HALO - 1 and metrics.zf[lowest + 1] <= bed:
+        lowest += 1
+    height = metrics.zf[lowest]
+    for k in range(lowest, nz - HALO):
+        height += fraction[j, k, i] * metrics.dz[k]
+    return lowest, height - max(level, metrics.zf[lowest])
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def gather_rise(
+    eta_y: Array, v: Array, fraction: Array, area_fractions: Array, far: float, drift: Array, level: float, bed: Array,
+    rates: Rates, dt: float, metrics: Metrics,
+) -> None:  # fmt: skip
+    """Add what flow along y brings to the columns of the zones in one step: disturbances alone.
+
+    A uniform current brings nothing, though over a sloping bed it flows in along one axis and out along the other; it
+    carries the disturbed level along.
+
+    Parameters
+    ----------
+    eta_y : array, shape (ny, nx), changed
+        Part of the level's rise above still water that flow along y brought [m].
+    v, fraction, area_fractions : array
+        Velocity along y [m/s], fraction [-], area_fractions of the low y faces [-].
+    far : float
+        Undisturbed velocity along y [m/s].
+    drift : array, shape (3,)
+        Velocity of the grid's origin in its axes [m/s], yaw rate [rad/s].
+    level : float
+        Of still water [m].
+    bed : array, shape (ny, nx)
+        Height of the bed [m].
+    """
+    ny, nz, nx = v.shape
+    for j in prange(HALO, ny - HALO):
+        brought = np.zeros(nx)
+        for k in range(HALO, nz - HALO):
+            if not np.any(fraction[j, k] > 0.0):
+                continue
+            share = 0.5 * dt * metrics.dz[k] / metrics.dy[j]
+            c, low, high = fraction[j, k], fraction[j - 1, k], fraction[j + 1, k]
+            v_low, v_high, open_low, open_high = v[j, k], v[j + 1, k], area_fractions[j, k], area_fractions[j + 1, k]
+            for i in range(HALO, nx - HALO):
+                gain = (low[i] + c[i]) * open_low[i] * (v_low[i] - far)
+                brought[i] += share * (gain - (high[i] + c[i]) * open_high[i] * (v_high[i] - far))
+        for i in range(HALO, nx - HALO):
+            if max(rates.x[i], rates.y[j]) <= 0.0:
+                continue
+            eta_y[j, i] += brought[i]
+            along = far - drift[1] - drift[2] * metrics.xc[i]
+            if along != 0.0:
+                before = j - 1 if along > 0.0 else j + 1
+                here = _rise(fraction, level, bed[j, i], j, i, metrics)[1]
+                there = _rise(fraction, level, bed[before, i], before, i, metrics)[1]
+                eta_y[j, i] -= dt * abs(along) * (here - there) / metrics.ey[max(j, before)]
+
+
+@njit(cache=True, error_model="numpy")
+def split_rise(fraction: Array, level: float, bed: Array, rates: Rates, metrics: Metrics, eta_y: Array) -> None:
+    """Ascribe the level's rise to the flow along x and y by their rates, where it is not known whence it came."""
+    ny, _, nx = fraction.shape
+    for j in range(HALO, ny - HALO):
+        for i in range(HALO, nx - HALO):
+            both = rates.x[i] + rates.y[j]
+            eta_y[j, i] = 0.0
+            if both > 0.0:
+                eta_y[j, i] = rates.y[j] / both * _rise(fraction, level, bed[j, i], j, i, metrics)[1]
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def relax_level(
+    fraction: Array, eta_y: Array, level: float, bed: Array, rates: Rates, dt: float, metrics: Metrics, added: Array
+) -> None:
+    """Draw the level of whole columns towards still water: fill the lowest gap or drain the top, cell after cell.
+
+    What flow along x brought falls at the rate of the sides across x, what flow along y brought at that of the others.
+    So are the velocities drawn (`relax_velocity`): the matched layer of Berenger (J. Comput. Phys. 114 (1994) 185) for
+    long waves, which sends nothing back at any angle. A column begins with the cell that holds the bed; where this
+    lies above still water, the column is drained.
+
+    Parameters
+    ----------
+    fraction : array, changed
+        [-]
+    eta_y : array, shape (ny, nx), changed
+        Part of the level's rise that flow along y brought [m].
+    level : float
+        Of still water [m].
+    bed : array, shape (ny, nx)
+        Height of the bed [m].
+    added : array, shape (ny,), changed
+        Volume added per row j [m^3].
+    """
+    ny, nz, nx = fraction.shape
+    x, y, along_x, along_y = rates.x, rates.y, rates.along_x, rates.along_y
+    for j in prange(HALO, ny - HALO):
+        volume = 0.0
+        for i in range(HALO, nx - HALO):
+            if max(x[i], y[j]) <= 0.0:
+                continue
+            lowest, rise = _rise(fraction, level, bed[j, i], j, i, metrics)
+            by_x = (rise - eta_y[j, i]) / (1.0 + dt * (x[i] + along_y * y[j]))
+            by_y = eta_y[j, i] / (1.0 + dt * (y[j] + along_x * x[i]))
+            eta_y[j, i] = by_y
+            change = by_x + by_y - rise
+            volume += change * metrics.dx[i] * metrics.dy[j]
+            if change > 0.0:
+                for k in range(lowest, nz - HALO):
+                    taken = min(change, max(1.0 - fraction[j, k, i], 0.0) * metrics.dz[k])
+                    fraction[j, k, i] += taken / metrics.dz[k]
+                    change -= taken
+                    if change <= 0.0:
+                        break
+            else:
+                for k in range(nz - HALO - 1, lowest - 1, -1):
+                    taken = min(-change, fraction[j, k, i] * metrics.dz[k])
+                    fraction[j, k, i] -= taken / metrics.dz[k]
+                    change += taken
+                    if change >= 0.0:
+                        break
+        added[j] = volume

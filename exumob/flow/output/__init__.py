@@ -1,0 +1,1 @@
+"""What is shown and stored of a flow: surfaces, pictures, files for ParaView."""

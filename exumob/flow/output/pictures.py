@@ -1,0 +1,359 @@
+"""Pictures of captive runs: the free surface with the vehicle in it (as in paper Fig. 9), and the loads."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure, SubFigure
+from scipy.ndimage import distance_transform_edt
+from scipy.spatial.transform import Rotation
+
+from exumob.flow.output.render import Camera, lit, normals_of, render
+from exumob.flow.output.snapshots import SNAPSHOT_VARIABLES
+from exumob.flow.output.vehicle_surface import SEGMENTS, body_triangles, placed, stored_vehicle
+from exumob.support.arrays import Array
+from exumob.support.figures import STYLE
+from exumob.vehicle.motion import BODIES
+
+COLORS = "RdBu_r"
+HULL_COLOR = (0.95, 0.72, 0.25)
+WHEEL_COLORS = (0.22, 0.22, 0.24), (0.34, 0.34, 0.37)
+CUT_COLOR = (0.42, 0.58, 0.70)
+LIGHT = (-0.5, 0.55, 1.0)
+BODY_COLORS = dict(zip(BODIES, ("C0", "C1", "C3", "C2", "C4"), strict=True))
+
+
+class SurfaceView:
+    """Draws snapshots of a captive run in perspective, from behind and above.
+
+    Parameters
+    ----------
+    dataset : xr.Dataset
+        Of `captive_run` with `snapshots`.
+    range_mm : float, optional
+        Elevation at the ends of the colour scale [mm]; default: from the snapshots.
+    azimuth, height : float
+        Of the camera: angle from straight behind, to starboard, and above the water [rad].
+    extent : (float, float, float), optional
+        Water shown ahead, behind and aside of the hull's centre of mass, in hull lengths.
+    size : (int, int)
+        Width and height of the picture [pixels].
+    """
+
+    def __init__(
+        self, dataset: xr.Dataset, range_mm: float | None = None, azimuth: float = math.radians(38.0),
+        height: float = math.radians(33.0), extent: tuple[float, float, float] = (1.2, 1.6, 1.0),
+        size: tuple[int, int] = (810, 540),
+    ) -> None:  # fmt: skip
+        """Prepare; see the class."""
+        dataset = _with_snapshots(dataset)
+        self.vehicle = stored_vehicle(dataset)
+        self.bodies = body_triangles(self.vehicle)
+        length = self.vehicle.hull.length
+        ahead, behind, aside = (part * length for part in extent)
+        self.data = dataset.sel(x=slice(-behind, ahead), y=slice(-aside, aside))
+        self.depth = water_depth(dataset)
+        self.scale = Normalize(*_limits(self.data["elevation"].values, range_mm))
+        x, y = self.data["x"].values[[0, -1]], self.data["y"].values[[0, -1]]
+        top = self.depth + 0.5e-3 * float(self.scale.vmax or 0.0)
+        corners = np.array([[a, b, c] for a in x for b in y for c in (0.0, top)])
+        middle, away = corners.mean(axis=0), 4.0 * length
+        flat = away * math.cos(height)
+        eye = middle + np.array([-flat * math.cos(azimuth), -flat * math.sin(azimuth), away * math.sin(height)])
+        self.camera = Camera.around(corners, tuple(eye), *size)
+        self.colors = plt.get_cmap(COLORS)
+        time = np.concatenate([[0.0], dataset["time"].values])
+        spin = np.concatenate([np.zeros((1, 4)), dataset["wheel_speed"].values])
+        turns = np.concatenate([np.zeros((1, 4)), np.cumsum(np.diff(time)[:, None] * 0.5 * (spin[1:] + spin[:-1]), 0)])
+        self.turns = np.stack([np.interp(dataset["snapshot"].values, time, turn) for turn in turns.T], axis=1)
+
+    def image(self, index: int) -> Array:
+        """Picture of one snapshot, shape (height, width, 3), 0 to 1."""
+        parts = [self._water(index), self._cut(index), *self._vehicle(index)]
+        return render(np.concatenate([t for t, _ in parts]), np.concatenate([c for _, c in parts]), self.camera)
+
+    def mappable(self) -> ScalarMappable:
+        """For the colour bar, in mm."""
+        return ScalarMappable(self.scale, self.colors)
+
+    def _surface(self, index: int) -> tuple[Array, Array]:
+        """Points (ny, nx, 3) of the water, and their elevation [m]; it reaches two cells into what pierces it."""
+        elevation = self.data["elevation"].values[index].astype(float)
+        filled = fill_masked(elevation, 2)
+        x, y = np.meshgrid(self.data["x"].values, self.data["y"].values)
+        return np.stack([x, y, filled + self.depth], axis=-1), filled
+
+    def _water(self, index: int) -> tuple[Array, Array]:
+        points, elevation = self._surface(index)
+        slope_y, slope_x = np.gradient(
+            np.where(np.isfinite(elevation), elevation, 0.0), points[:, 0, 1], points[0, :, 0]
+        )
+        normals = np.stack([-slope_x, -slope_y, np.ones_like(slope_x)], axis=-1)
+        normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+        plain = self.colors(self.scale(1e3 * np.nan_to_num(elevation)))[..., :3]
+        shaded = lit(plain, normals, points, self.camera, LIGHT, shine=0.35)
+        return _quads(points), _quads(shaded)
+
+    def _cut(self, index: int) -> tuple[Array, Array]:
+        """The four sides of the block of water that is shown, down to the bed."""
+        points, _ = self._surface(index)
+        sides = []
+        for edge in (points[0], points[:, -1], points[-1, ::-1], points[::-1, 0]):
+            bed = edge * np.array([1.0, 1.0, 0.0])
+            sides.append(_quads(np.stack([bed, edge])))
+        triangles = np.concatenate(sides)
+        colors = lit(np.array(CUT_COLOR), normals_of(triangles), triangles.mean(axis=1), self.camera, (-1.0, -0.3, 0.4))
+        return triangles, np.repeat(colors[:, None], 3, axis=1)
+
+    def _vehicle(self, index: int) -> list[tuple[Array, Array]]:
+        rotation = Rotation.from_quat(
+            self.data["snapshot_quaternion"].values[index], scalar_first=True
+        ).as_matrix()  # fmt: skip
+        spin = Rotation.from_rotvec(np.outer([0.0, *self.turns[index]], [0.0, 1.0, 0.0])).as_matrix()
+        bodies = placed(self.bodies, self.data["snapshot_position"].values[index], rotation @ spin)
+        parts = []
+        for n, triangles in enumerate(bodies):
+            if n == 0:
+                plain = np.tile(HULL_COLOR, (len(triangles), 1))
+            else:  # sectors in two tones, so that the spin is seen
+                middle = self.bodies[n].mean(axis=1)
+                sector = np.floor((np.arctan2(middle[:, 2], middle[:, 0]) / (2 * math.pi) + 1.0) * SEGMENTS / 4.0)
+                plain = np.array(WHEEL_COLORS)[sector.astype(int) % 2]
+            shaded = lit(plain, normals_of(triangles), triangles.mean(axis=1), self.camera, LIGHT)
+            parts.append((triangles, np.repeat(shaded[:, None], 3, axis=1)))
+        return parts
+
+
+def fill_masked(values: Array, cells: int) -> Array:
+    """Masked (NaN) values within some cells of others, taken from the nearest one; the rest stays NaN."""
+    masked = ~np.isfinite(values)
+    if not masked.any():
+        return values
+    away, (j, i) = distance_transform_edt(masked, return_indices=True)
+    return np.where(away <= cells + 0.5, values[j, i], np.nan)
+
+
+def water_depth(dataset: xr.Dataset) -> float:
+    """Still depth of a captive run [m]."""
+    return float(json.loads(dataset.attrs["parameters"])["water"]["Water"]["depth"])
+
+
+def _quads(values: Array) -> Array:
+    """Values at points (m, n, 3) as those at the corners of triangles, shape (2 (m - 1)(n - 1), 3, 3)."""
+    a, b, c, d = values[:-1, :-1], values[:-1, 1:], values[1:, 1:], values[1:, :-1]
+    return np.concatenate([np.stack(t, axis=-2).reshape(-1, 3, 3) for t in ((a, b, c), (a, c, d))])
+
+
+def _limits(elevation: Array, range_mm: float | None) -> tuple[float, float]:
+    if range_mm is None:
+        largest = 1e3 * float(np.nanpercentile(np.abs(elevation), 98.5))
+        range_mm = max(5.0 * math.ceil(largest / 5.0), 5.0)
+    return -range_mm, range_mm
+
+
+def _with_snapshots(dataset: xr.Dataset) -> xr.Dataset:
+    """A run with the snapshots' variables under the names that captive runs give them."""
+    names = {f"hydrodynamics_{name}": name for name in SNAPSHOT_VARIABLES}
+    dataset = dataset.rename({name: short for name, short in names.items() if name in dataset})
+    if "elevation" not in dataset:
+        raise ValueError(
+            "the run holds no snapshots of the free surface; run captive_run with snapshots=0.05, or a coupled run "
+            "with BuiltInFlow(snapshots=0.05), say."
+        )
+    return dataset
+
+
+# -- the free surface --------------------------------------------------------------------------------------------------
+
+
+def plot_surface(axes: Axes, view: SurfaceView, index: int) -> list[Artist]:
+    """One snapshot in perspective."""
+    time = float(view.data["snapshot"][index])
+    axes.set_axis_off()
+    axes.set_title(f"t = {time:.2f} s")
+    return [axes.imshow(view.image(index), interpolation="lanczos")]
+
+
+def plot_surfaces(
+    figure: Figure | SubFigure, dataset: xr.Dataset, times: Sequence[float] | None = None, columns: int = 2
+) -> list[Axes]:
+    """Free surface at several instants, coloured by elevation, with one colour bar (as paper Fig. 9).
+
+    Parameters
+    ----------
+    figure : Figure or SubFigure
+        With constrained layout.
+    dataset : xr.Dataset
+        Of `captive_run` with `snapshots`.
+    times : sequence of float, optional
+        [s]; the nearest snapshots are drawn. Default: as many as `columns`, evenly spread up to the end.
+    columns : int
+        Panels beside one another.
+    """
+    view = SurfaceView(dataset)
+    kept = dataset["snapshot"].values
+    wanted = np.linspace(kept[-1] / columns, kept[-1], columns) if times is None else np.asarray(times)
+    indices = sorted({int(np.abs(kept - t).argmin()) for t in wanted})
+    rows = math.ceil(len(indices) / columns)
+    panels = figure.subplots(rows, columns, squeeze=False)
+    for axes in panels.flat:
+        axes.set_axis_off()
+    for axes, index in zip(panels.flat, indices, strict=False):
+        plot_surface(axes, view, index)
+    bar = figure.colorbar(view.mappable(), ax=panels, extend="both", shrink=0.8, aspect=22, pad=0.01)
+    bar.set_label("elevation over still water [mm]")
+    return list(panels.flat)
+
+
+def plot_surface_map(axes: Axes, dataset: xr.Dataset, index: int = -1, range_mm: float | None = None) -> list[Artist]:
+    """Free surface from above in the vehicle's frame; cells that a solid pierces are left blank."""
+    dataset = _with_snapshots(dataset)
+    elevation = 1e3 * dataset["elevation"].values[index]
+    limits = _limits(1e-3 * elevation, range_mm)
+    mesh = axes.pcolormesh(
+        dataset["x"], dataset["y"], elevation, cmap=COLORS, vmin=limits[0], vmax=limits[1], shading="nearest",
+        rasterized=True,
+    )  # fmt: skip
+    axes.set_facecolor("0.75")
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=f"t = {float(dataset['snapshot'][index]):.2f} s")
+    axes.grid(visible=False)
+    return [mesh]
+
+
+def animate_surface(dataset: xr.Dataset, file: str | Path, frames_per_second: float | None = None) -> None:
+    """Write a GIF or MP4 of the free surface with the vehicle in it.
+
+    Parameters
+    ----------
+    dataset : xr.Dataset
+        Of `captive_run` with `snapshots`; each is a frame.
+    file : Path
+        Ending in .gif or .mp4.
+    frames_per_second : float, optional
+        Default: real time.
+
+    Raises
+    ------
+    ValueError
+        If there are no snapshots, the ending is neither .gif nor .mp4, or ffmpeg is missing for .mp4.
+    """
+    path = Path(file)
+    if path.suffix not in (".gif", ".mp4"):
+        raise ValueError(f"animation {path}: the ending {path.suffix!r} is not known; use .gif or .mp4.")
+    if path.suffix == ".mp4" and not FFMpegWriter.isAvailable():
+        raise ValueError(f"{path}: writing MP4 needs the program ffmpeg, which is not installed; use .gif.")
+    view = SurfaceView(dataset, size=(720, 480))
+    times = dataset["snapshot"].values
+    rate = frames_per_second or (1.0 / float(np.diff(times).mean()) if len(times) > 1 else 10.0)
+    writer = PillowWriter(fps=rate) if path.suffix == ".gif" else FFMpegWriter(fps=rate)  # type: ignore[arg-type]
+    with plt.rc_context(STYLE):
+        figure, axes = plt.subplots(figsize=(8.0, 4.9), layout="constrained")
+        axes.set_axis_off()
+        picture = axes.imshow(view.image(0))
+        title = axes.set_title("t = 0.00 s", loc="left")
+        axes.set_title(describe(dataset), loc="right", fontweight="normal", fontsize=9)
+        figure.colorbar(view.mappable(), ax=axes, extend="both", shrink=0.8, aspect=22, pad=0.01).set_label(
+            "elevation over still water [mm]"
+        )
+        figure.canvas.draw()
+        figure.set_layout_engine("none")  # laying out every frame anew costs more than drawing it
+
+        def frame(index: int) -> list[Artist]:
+            picture.set_data(view.image(index))
+            title.set_text(f"t = {times[index]:.2f} s")
+            return [picture, title]
+
+        FuncAnimation(figure, frame, frames=len(times), blit=False).save(path, writer=writer, dpi=100)
+    plt.close(figure)
+
+
+def describe(dataset: xr.Dataset) -> str:
+    """One line on a captive run: vehicle, its motion at the end, water."""
+    stored = json.loads(dataset.attrs["parameters"])
+    water = stored["water"]["Water"]
+    name = next(iter(stored["vehicle"].values()))["name"]
+    hull = dataset.sel(body="hull").isel(time=-1)
+    vx, vy, _ = hull["velocity"].values
+    speed = math.hypot(vx, vy)
+    words = [f"{name}: {speed:.2g} m/s"]
+    drift = math.degrees(math.remainder(math.atan2(vy, vx) - float(hull["yaw"]), 2.0 * math.pi))
+    rate = math.degrees(float(hull["angular_velocity"].sel(axis="z")))
+    words += [f"drift angle {drift:.3g}°"] if speed > 0.01 and abs(drift) > 0.1 else []
+    words += [f"yaw rate {rate:.3g}°/s"] if abs(rate) > 0.1 else []
+    return ", ".join([*words, f"current {water['current_speed']:g} m/s", f"depth {1e3 * water['depth']:.0f} mm"])
+
+
+# -- the loads ---------------------------------------------------------------------------------------------------------
+
+
+def plot_load(
+    axes: Axes, dataset: xr.Dataset, name: str, axis: str, bodies: Sequence[str], **style: Any
+) -> list[Artist]:
+    """One component of "force" or "moment" on some bodies over time: raw thin, smoothed thick, body axes."""
+    artists: list[Artist] = []
+    for body in bodies:
+        one = dataset.sel(body=body, axis=axis)
+        look: dict[str, Any] = {"color": BODY_COLORS[body]} | style
+        artists += axes.plot(dataset["time"], one[name], lw=0.4, alpha=0.45, **look)
+        artists += axes.plot(dataset["time"], one[f"{name}_smooth"], lw=1.5, label=body.replace("_", " "), **look)
+    return artists
+
+
+def plot_captive_loads(figure: Figure | SubFigure, dataset: xr.Dataset) -> list[Axes]:
+    """Three forces and three moments of the hull, and the same of the wheels; dashed: means of the second half."""
+    panels = figure.subplots(4, 3, sharex=True)
+    later = dataset.sel(time=slice(0.5 * float(dataset["time"][-1]), None))
+    for row, (bodies, name) in enumerate((b, n) for b in (BODIES[:1], BODIES[1:]) for n in ("force", "moment")):
+        smooth = dataset[f"{name}_smooth"].sel(body=list(bodies))
+        whole = float(np.abs(smooth).max()) or 1.0
+        for axes, axis in zip(panels[row], "xyz", strict=True):
+            plot_load(axes, dataset, name, axis, bodies)
+            for body in bodies:
+                mean = float(later[name].sel(body=body, axis=axis).mean())
+                start = float(later["time"][0])
+                axes.plot([start, float(later["time"][-1])], [mean, mean], "--", color=BODY_COLORS[body], lw=0.9)
+            values = smooth.sel(axis=axis).values
+            low, high = float(values.min()), float(values.max())
+            half = max(0.65 * (high - low), 0.04 * whole)  # what is nearly nothing must not fill its panel
+            axes.set_ylim(0.5 * (low + high) - half, 0.5 * (low + high) + half)
+            unit = "N" if name == "force" else "N m"
+            axes.set_ylabel(f"${'F' if name == 'force' else 'M'}_{axis}$ [{unit}]")
+            if row == 3:
+                axes.set_xlabel("time [s]")
+        who = "hull" if row < 2 else "wheels"
+        panels[row][0].set_title(f"{name} on the {who}", loc="left")
+    legend = panels[2][1].legend(ncols=4, loc="lower left", bbox_to_anchor=(-0.1, 1.0), borderaxespad=0.2)
+    legend.set_in_layout(False)  # it may reach over its neighbours' empty titles
+    return list(panels.flat)
+
+
+def plot_captive(dataset: xr.Dataset) -> Figure:
+    """A captive run on one page: the free surface at two instants if snapshots were kept, and the loads."""
+    with plt.rc_context(STYLE):
+        window = 1e3 * float(dataset.attrs["smoothing_window"])
+        about = f"water on the vehicle, body axes; thin: raw, thick: mean over {window:.0f} ms, dashed: mean"
+        if "elevation" not in dataset:
+            figure = plt.figure(figsize=(11.0, 8.5), layout="constrained")
+            plot_captive_loads(figure, dataset)
+            figure.suptitle(f"{describe(dataset)}\n{about}", fontsize=10)
+            return figure
+        figure = plt.figure(figsize=(11.0, 12.0), layout="constrained")
+        parts: Any = figure.subfigures(2, 1, height_ratios=[1.0, 2.3])
+        above, below = parts
+        plot_surfaces(above, dataset)
+        above.suptitle(describe(dataset), fontsize=11, fontweight="bold")
+        plot_captive_loads(below, dataset)
+        below.suptitle(about, fontsize=9)
+    return figure

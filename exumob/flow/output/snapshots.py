@@ -1,0 +1,113 @@
+"""The free surface at instants of a run: what pictures and animations are made from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from exumob.flow.grid import HALO, Grid
+from exumob.flow.solids import Poses
+from exumob.flow.solver import FlowSolver
+from exumob.support.arrays import Array
+from exumob.vehicle.motion import BODIES, quaternions
+
+SNAPSHOT_VARIABLES = ("elevation", "frame", "snapshot_position", "snapshot_quaternion")
+"""Of `snapshots_dataset`."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Surface and solids at one instant."""
+
+    time: float
+    """[s]"""
+    elevation: Array
+    """Of `surface_elevation` [m], shape (ny, nx)"""
+    frame: Array
+    """Origin x, y [m] and heading [rad] of the grid in world axes"""
+    position: Array
+    """Of the bodies' origins, grid axes [m], shape (n, 3)"""
+    rotation: Array
+    """Body to grid axes, shape (n, 3, 3)"""
+
+    @classmethod
+    def of(cls, solver: FlowSolver, poses: Poses) -> Snapshot:
+        """What the solver holds now, with the solids at `poses`."""
+        frame = solver.frame
+        return cls(solver.time, surface_elevation(solver), frame, *in_grid_axes(poses, frame))
+
+
+def snapshots_dataset(grid: Grid, snapshots: Sequence[Snapshot]) -> xr.Dataset:
+    """Snapshots of the vehicle's run as ``elevation`` (snapshot, y, x), ``frame``, ``snapshot_position`` and so on."""
+    m = grid.metrics
+    y, x = m.yc[HALO:-HALO], m.xc[HALO:-HALO]
+    text = "free surface above the still level; NaN where a solid pierces it"
+    return xr.Dataset(
+        {
+            "elevation": (
+                ("snapshot", "y", "x"), np.stack([s.elevation for s in snapshots]), {"units": "m", "long_name": text}
+            ),
+            "frame": (
+                ("snapshot", "frame_component"), np.stack([s.frame for s in snapshots]),
+                {"units": "m, m, rad", "long_name": "origin and heading of the grid in world axes"},
+            ),
+            "snapshot_position": (
+                ("snapshot", "body", "axis"), np.stack([s.position for s in snapshots]),
+                {"units": "m", "long_name": "position of the body's origin, grid axes"},
+            ),
+            "snapshot_quaternion": (
+                ("snapshot", "body", "quaternion_component"), np.stack([quaternions(s.rotation) for s in snapshots]),
+                {"units": "1", "long_name": "orientation, body to grid axes, scalar first"},
+            ),
+        },
+        coords={
+            "snapshot": (
+                "snapshot", np.array([s.time for s in snapshots]), {"units": "s", "long_name": "time of the snapshot"}
+            ),
+            "y": ("y", y, {"units": "m", "long_name": "cell centres, grid axes, from the hull to the left"}),
+            "x": ("x", x, {"units": "m", "long_name": "cell centres, grid axes, from the hull forward"}),
+            "body": list(BODIES),
+            "axis": ["x", "y", "z"],
+            "quaternion_component": ["w", "x", "y", "z"],
+            "frame_component": ["x", "y", "yaw"],
+        },
+    )  # fmt: skip
+
+
+def in_grid_axes(poses: Poses, frame: Array) -> tuple[Array, Array]:
+    """Positions [m], shape (n, 3), and rotations, shape (n, 3, 3), in the axes of a grid at `frame` (x, y, heading)."""
+    c, s = math.cos(frame[2]), math.sin(frame[2])
+    back = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    return (poses.position - np.array([frame[0], frame[1], 0.0])) @ back.T, back @ poses.rotation
+
+
+def surface_elevation(solver: FlowSolver) -> Array:
+    """Free surface above the still level [m], single precision, shape (ny, nx); NaN where a solid pierces it.
+
+    NaN also where a given bed is dry. Under an overhang (a raked bow, a hull out of the water) it is the surface
+    beneath; over a solid under water, the surface above.
+    """
+    widths = np.diff(solver.grid.z_faces)
+    fraction = solver.fraction
+    solid = solver.bodies.distance[HALO:-HALO, HALO:-HALO, HALO:-HALO] < 0.0
+    water = np.where(solid, 0.0, fraction) * widths[:, None]
+    nz = len(widths)
+    here = solid.any(axis=1)
+    lowest, highest = solid.argmax(axis=1), nz - 1 - solid[:, ::-1].argmax(axis=1)
+    levels = np.arange(nz)[:, None]
+    above = np.where(levels > highest[:, None], water, 0.0).sum(axis=1)
+    below = np.where(levels < lowest[:, None], water, 0.0).sum(axis=1)
+    beneath = np.take_along_axis(fraction, np.maximum(lowest - 1, 0)[:, None], axis=1)[:, 0]
+    dry = (lowest > 0) & (beneath < 0.5)
+    surface = solver.surface_height()
+    if solver.has_given_bed:
+        surface[surface - solver.bed_height() < 1e-3 * widths.min()] = np.nan
+    below += float(solver.grid.z_faces[0])
+    height = np.where(here, np.where(dry, below, np.nan), surface)
+    over = solver.grid.z_faces[np.minimum(highest + 1, nz)] + above
+    height = np.where(here & (above > 0.5 * widths[np.minimum(highest + 1, nz - 1)]), over, height)
+    return (height - solver.water.depth).astype(np.float32)

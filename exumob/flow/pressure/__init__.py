@@ -1,0 +1,1 @@
+"""The pressure equation: assembly with the free surface, and its multigrid conjugate-gradient solver."""

@@ -1,0 +1,1 @@
+"""Eddy viscosity: Smagorinsky, k-omega SST, wall functions."""

@@ -1,0 +1,285 @@
+"""Eddy viscosity and the stress it exerts (paper Eq. 2, the term with 1/Re_eff).
+
+A closure is an object whose `update` fills the kinematic viscosity of every wet cell; `Smagorinsky` and `KOmegaSST` are
+two, `None` means molecular viscosity alone. Fields that a closure transports belong to the solver's state: `update`
+reads those at the begin of a step and writes those at its end, which the solver takes over only if the step succeeds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from exumob.flow.active_rows import ActiveRows
+from exumob.flow.grid import HALO, Metrics
+from exumob.flow.solids import AreaFractions
+from exumob.flow.turbulence import komega
+from exumob.support.arrays import Array
+from exumob.support.checks import require_positive, require_within
+
+MOLECULAR_VISCOSITY = 1.0e-6
+"""Kinematic viscosity of water at 20 degrees Celsius [m^2/s]."""
+
+
+class Walls(NamedTuple):
+    """What bounds the water during a step: area_fractions, and the motion of n surfaces in grid axes."""
+
+    area_fractions: AreaFractions
+    position: Array
+    """Origins of the solids [m], shape (n, 3)"""
+    velocity: Array
+    """Of the origins [m/s], shape (n, 3)"""
+    angular_velocity: Array
+    """Of the surfaces, spin included [rad/s], shape (n, 3)"""
+    friction: Array
+    """Skin-friction coefficients that act on the water [-], shape (n,)"""
+    bed_roughness: float
+    """Equivalent sand roughness of the bed [m]; negative: the bed slips"""
+
+
+class Closure(Protocol):
+    """A turbulence model."""
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the fields per cell that belong to the solver's state."""
+
+    def start(self, fields: Array, molecular: float) -> None:
+        """Set these fields, shape (number, ny, nz, nx), to those of undisturbed water; molecular viscosity [m^2/s]."""
+
+    def update(
+        self, viscosity: Array, old: Array, new: Array, u: Array, v: Array, w: Array,
+        flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], walls: Walls, active: ActiveRows, near: ActiveRows,
+        dt: float, molecular: float, metrics: Metrics,
+    ) -> None:  # fmt: skip
+        """Fill the kinematic viscosity, molecular part included, of every cell [m^2/s], and advance the fields.
+
+        Parameters
+        ----------
+        viscosity : array, changed
+        old, new : array, shape (number of fields, ny, nz, nx)
+            Fields at the begin and, changed, at the end of the step.
+        u, v, w : array
+            Velocity at the begin [m/s].
+        flow : three arrays
+            Velocity relative to the grid on full faces [m/s].
+        wet : array
+            Cells at least half full.
+        walls : Walls
+        active, near : ActiveRows
+            Of the wet cells, one cell wider, and of all water, some cells wider.
+        dt : float
+            [s]
+        molecular : float
+            [m^2/s]
+        metrics : Metrics
+        """
+
+
+@dataclass(frozen=True)
+class Smagorinsky:
+    """Smagorinsky (1963): nu_t = (C min(cell size, wall distance * 0.41 / C))^2 |S|.
+
+    C = 0.1 suits shear flows (Deardorff 1970), 0.17 isotropic turbulence (Lilly 1967). The bound by the distance to a
+    solid is Prandtl's mixing length (van Driest damping is not resolved at these cells).
+    """
+
+    constant: float = 0.1
+
+    def __post_init__(self) -> None:
+        require_within("Smagorinsky", 0.0, 0.3, constant=self.constant)
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """None; see `Closure`."""
+        return ()
+
+    def start(self, fields: Array, molecular: float) -> None:
+        """Nothing to set; see `Closure`."""
+
+    def update(
+        self, viscosity: Array, old: Array, new: Array, u: Array, v: Array, w: Array,
+        flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], walls: Walls, active: ActiveRows, near: ActiveRows,
+        dt: float, molecular: float, metrics: Metrics,
+    ) -> None:  # fmt: skip
+        """Fill the viscosity; see `Closure`."""
+        smagorinsky(viscosity, u, v, w, wet, walls.area_fractions.distance, active, self.constant, molecular, metrics)
+
+
+@dataclass(frozen=True)
+class KOmegaSST:
+    """k-omega shear-stress transport (Menter, Kuntz & Langtry 2003), an unsteady RANS model with wall functions.
+
+    Production of k is limited to ten times its destruction. Walls: solids with friction, and the bed if
+    `FlowSettings.bed_roughness` is given; the first cells take production and omega from the log law with the shear
+    that acts on the water (`exumob.flow.turbulence.komega.walls`). The distance to solids is known within about six cells; farther
+    off F1 = F2 = 0. At the free surface the gradient is zero: no damping there. The eddy viscosity is bounded to what
+    an explicit stress bears, 0.2 / (dt (1/dx^2 + 1/dy^2 + 1/dz^2)).
+
+    Parameters
+    ----------
+    intensity : float
+        Turbulence intensity of the undisturbed water, sqrt(2 k / 3) / speed [-]. Five per cent and a viscosity ratio
+        of ten are the "medium" choice in use for outer flows; flumes and rivers show 3 to 10 %.
+    speed : float
+        To which the intensity refers [m/s]; not that of the grid, so that the model is Galilean invariant.
+    viscosity_ratio : float
+        Eddy over molecular viscosity of the undisturbed water [-]; sets omega.
+    """
+
+    intensity: float = 0.05
+    speed: float = 1.0
+    viscosity_ratio: float = 10.0
+
+    def __post_init__(self) -> None:
+        require_within("KOmegaSST", 1.0e-4, 0.5, intensity=self.intensity)
+        require_positive("KOmegaSST", speed=self.speed)
+        require_within("KOmegaSST", 1.0e-3, 1.0e5, viscosity_ratio=self.viscosity_ratio)
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names: k [m^2/s^2], omega [1/s], and the blending of the last step; see `Closure`."""
+        return "k", "omega", "blend"
+
+    def inflow(self, molecular: float) -> tuple[float, float]:
+        """Values of k [m^2/s^2] and omega [1/s] in undisturbed water."""
+        k = 1.5 * (self.intensity * self.speed) ** 2
+        return k, k / (self.viscosity_ratio * max(molecular, 1e-12))
+
+    def start(self, fields: Array, molecular: float) -> None:
+        """Fill with undisturbed water; see `Closure`."""
+        fields[0], fields[1] = self.inflow(molecular)
+        fields[2] = komega.INACTIVE
+
+    def update(
+        self, viscosity: Array, old: Array, new: Array, u: Array, v: Array, w: Array,
+        flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], walls: Walls, active: ActiveRows, near: ActiveRows,
+        dt: float, molecular: float, metrics: Metrics,
+    ) -> None:  # fmt: skip
+        """Advance k and omega and fill the viscosity; see `Closure`."""
+        o = walls.area_fractions
+        (old_k, old_omega, _), (new_k, new_omega, blend) = old, new
+        inflow = self.inflow(molecular)
+        for field, value in zip(old, inflow, strict=False):  # the blending needs no halo
+            komega.fill_sides(field, value, flow)
+        komega.sources(
+            viscosity, old_k, old_omega, new_k, new_omega, blend, u, v, w, wet, o.distance, walls.bed_roughness >= 0.0,
+            near, dt, molecular, metrics,
+        )  # fmt: skip
+        komega.walls(
+            old_k, new_k, new_omega, blend, u, v, w, o.distance, o.nearest, *walls[1:], active, molecular, metrics
+        )
+        carried = (blend, viscosity, flow, (o.bx, o.by, o.bz))
+        komega.transport(
+            old_k, new_k, old_omega, *carried, komega.SIGMA_K, (komega.BETA_STAR, komega.BETA_STAR), False, inflow[0],
+            komega.LEAST_K, near, dt, molecular, metrics,
+        )  # fmt: skip
+        komega.transport(
+            old_omega, new_omega, old_omega, *carried, komega.SIGMA_OMEGA, komega.BETA, True, inflow[1],
+            komega.LEAST_OMEGA, near, dt, molecular, metrics,
+        )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def smagorinsky(
+    viscosity: Array, u: Array, v: Array, w: Array, wet: NDArray[np.uint8], distance: Array, spans: ActiveRows,
+    constant: float, molecular: float, metrics: Metrics,
+) -> None:  # fmt: skip
+    """Kinematic viscosity of every cell [m^2/s]."""
+    ny, nz, nx = u.shape
+    one, sy, sz = np.uintp(1), np.uintp(nz * nx), np.uintp(nx)
+    uf, vf, wf, is_wet, d, nu = u.ravel(), v.ravel(), w.ravel(), wet.ravel(), distance.ravel(), viscosity.ravel()
+    sizes = constant * np.cbrt(metrics.dx)
+    rdx, rex = 1.0 / metrics.dx, 0.5 / (metrics.ex[:nx] + np.append(metrics.ex[1:nx], metrics.ex[nx - 1]))
+    lo, hi = spans
+    for j in prange(HALO, ny - HALO):
+        rdy, rey = 1.0 / metrics.dy[j], 0.5 / (metrics.ey[j] + metrics.ey[j + 1])
+        for k in range(HALO, nz - HALO):
+            rdz, rez = 1.0 / metrics.dz[k], 0.5 / (metrics.ez[k] + metrics.ez[k + 1])
+            size = (metrics.dy[j] * metrics.dz[k]) ** (1.0 / 3.0)
+            start = (j * nz + k) * nx
+            for i in range(max(lo[j, k], HALO), min(hi[j, k], nx - HALO)):
+                p, m = np.uintp(start + i), np.uintp(i)
+                xx = (uf[p + one] - uf[p]) * rdx[m]
+                yy = (vf[p + sy] - vf[p]) * rdy
+                zz = (wf[p + sz] - wf[p]) * rdz
+                xy = (uf[p + sy] + uf[p + sy + one] - uf[p - sy] - uf[p - sy + one]) * rey
+                xy += (vf[p + one] + vf[p + one + sy] - vf[p - one] - vf[p - one + sy]) * rex[m]
+                xz = (uf[p + sz] + uf[p + sz + one] - uf[p - sz] - uf[p - sz + one]) * rez
+                xz += (wf[p + one] + wf[p + one + sz] - wf[p - one] - wf[p - one + sz]) * rex[m]
+                yz = (vf[p + sz] + vf[p + sz + sy] - vf[p - sz] - vf[p - sz + sy]) * rez
+                yz += (wf[p + sy] + wf[p + sy + sz] - wf[p - sy] - wf[p - sy + sz]) * rey
+                strain = np.sqrt(2.0 * (xx * xx + yy * yy + zz * zz) + xy * xy + xz * xz + yz * yz)
+                length, wall = size * sizes[m], 0.41 * d[p]
+                length = length if length < wall else wall
+                length = length if is_wet[p] != 0 and wall > 0.0 else 0.0
+                nu[p] = molecular + length * length * strain
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def add_stress(
+    out: Array, viscosity: Array, velocity: tuple[Array, Array, Array], wet: NDArray[np.uint8], open_faces: Array,
+    axis: int, dt: float, spans: ActiveRows, metrics: Metrics,
+) -> None:  # fmt: skip
+    """Add dt times the divergence of nu (grad u + grad u^T) to one velocity component on wet, open faces."""
+    ny, nz, nx = out.shape
+    x, y, z = 1, nz * nx, nx
+    m = metrics
+    if axis == 0:  # the component, and its two directions across: a is x unless x is its own
+        own, a, b = x, y, z
+    elif axis == 1:
+        own, a, b = y, x, z
+    else:
+        own, a, b = z, x, y
+    q, qa, qb = velocity[axis].ravel(), velocity[1 if axis == 0 else 0].ravel(), velocity[1 if axis == 2 else 2].ravel()
+    nu, result, is_wet, beta = viscosity.ravel(), out.ravel(), wet.ravel(), open_faces.ravel()
+    so, sa, sb = np.uintp(own), np.uintp(a), np.uintp(b)
+    lo, hi = spans
+    ex_high = np.append(1.0 / m.ex[1:nx], 1.0 / m.ex[nx - 1])
+    dx_low = np.append(1.0 / m.dx[0], 1.0 / m.dx[: nx - 1])
+    for j in prange(HALO, ny - HALO):
+        row = np.empty((6, nx))
+        own_high, own_low, own_mid, a_high, a_low, a_mid = row[0], row[1], row[2], row[3], row[4], row[5]
+        if axis == 0:
+            own_high[:], own_low[:], own_mid[:] = 1.0 / m.dx, dx_low, 1.0 / m.ex[:nx]
+            a_high[:], a_low[:], a_mid[:] = 1.0 / m.ey[j + 1], 1.0 / m.ey[j], 1.0 / m.dy[j]
+        else:
+            a_high[:], a_low[:], a_mid[:] = ex_high, 1.0 / m.ex[:nx], 1.0 / m.dx
+        if axis == 1:
+            own_high[:], own_low[:], own_mid[:] = 1.0 / m.dy[j], 1.0 / m.dy[j - 1], 1.0 / m.ey[j]
+        for k in range(HALO, nz - HALO):
+            first, last = max(lo[j, k], HALO), min(hi[j, k], nx - HALO)
+            if first >= last:
+                continue
+            if axis == 2:
+                own_high[:], own_low[:], own_mid[:] = 1.0 / m.dz[k], 1.0 / m.dz[k - 1], 1.0 / m.ez[k]
+                b_high, b_low, b_mid = 1.0 / m.ey[j + 1], 1.0 / m.ey[j], 1.0 / m.dy[j]
+            else:
+                b_high, b_low, b_mid = 1.0 / m.ez[k + 1], 1.0 / m.ez[k], 1.0 / m.dz[k]
+            start = (j * nz + k) * nx
+            for i in range(first, last):
+                p, n = np.uintp(start + i), np.uintp(i)
+                here, to_own, pair = q[p], own_mid[n], nu[p] + nu[p - so]
+                rate = 2.0 * to_own * (
+                    nu[p] * (q[p + so] - here) * own_high[n] - nu[p - so] * (here - q[p - so]) * own_low[n]
+                )  # fmt: skip
+                high = (pair + nu[p + sa] + nu[p + sa - so]) * (
+                    (q[p + sa] - here) * a_high[n] + (qa[p + sa] - qa[p + sa - so]) * to_own
+                )  # fmt: skip
+                low = (pair + nu[p - sa] + nu[p - sa - so]) * (
+                    (here - q[p - sa]) * a_low[n] + (qa[p] - qa[p - so]) * to_own
+                )  # fmt: skip
+                rate += 0.25 * (high - low) * a_mid[n]
+                high = (pair + nu[p + sb] + nu[p + sb - so]) * (
+                    (q[p + sb] - here) * b_high + (qb[p + sb] - qb[p + sb - so]) * to_own
+                )  # fmt: skip
+                low = (pair + nu[p - sb] + nu[p - sb - so]) * (
+                    (here - q[p - sb]) * b_low + (qb[p] - qb[p - so]) * to_own
+                )  # fmt: skip
+                rate += 0.25 * (high - low) * b_mid
+                active = (is_wet[p] | is_wet[p - so]) != 0 and beta[p] > 0.0
+                result[p] += dt * rate if active else 0.0

@@ -1,0 +1,292 @@
+"""Velocity where the projection sets none, and where it is poor: in the air, inside solids, on faces hardly open."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from exumob.flow.active_rows import ActiveRows
+from exumob.flow.grid import HALO, Metrics
+from exumob.flow.solids import AreaFractions
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
+
+TRUSTED = 0.5
+"""Faces at least this open keep their own velocity and give it to their neighbours [-]."""
+BLENDED = 0.7
+"""Faces less open than this are drawn towards the slip velocity [-]."""
+BLEND_RATE = 50.0
+"""... at BLEND_RATE [(BLENDED - area_fractions) / area_fractions]^2 [1/s]."""
+LAYERS = 3
+"""Faces beyond the water to which the velocity is extended."""
+REACH = LAYERS + 1
+"""Cells round the water whose velocity is kept up."""
+FASTEST_FALL = 3.0
+"""Of water too thin to be resolved [m/s]."""
+OUTSIDE = np.uint8(255)
+"""Label of faces that have no velocity of their own: the halo, and what is far from any water."""
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def extend(
+    e: Array, q: Array, wet: NDArray[np.uint8], open_faces: Array, fraction: Array, axis: int, far: float, dt: float,
+    spans: ActiveRows, label: NDArray[np.uint8],
+) -> None:  # fmt: skip
+    """Extend one velocity component `LAYERS` faces into air and solids by averages of known neighbours.
+
+    Faces not reached keep falling if there is water in them and take the undisturbed flow otherwise; their extended
+    value is nan, so that nothing takes it for the water's near by.
+
+    Parameters
+    ----------
+    e : array, changed
+        The extended component [m/s].
+    q : array, changed
+        The component [m/s]; takes the extended values where the projection set none.
+    open_faces : array
+        Its area_fractions [-].
+    far : float
+        Undisturbed flow [m/s].
+    spans : ActiveRows
+        Cells with water, `REACH` cells wider.
+    label : array, changed
+        0 unknown, 1 known, 2 and more extended, `OUTSIDE`.
+    """
+    ny, nz, nx = e.shape
+    sy, sz = np.uintp(nz * nx), np.uintp(nx)
+    one = np.uintp(1)
+    own = one if axis == 0 else (sy if axis == 1 else sz)
+    value, given, c, is_wet = e.ravel(), q.ravel(), fraction.ravel(), wet.ravel()
+    beta, mark = open_faces.ravel(), label.ravel()
+    lo, hi = spans
+    drop = GRAVITY * dt if axis == 2 else 0.0
+    unknown, labelled = np.zeros((ny, nz), dtype=np.int32), np.zeros((ny, nz), dtype=np.int32)
+    for j in prange(ny):
+        for k in range(nz):
+            start = (j * nz + k) * nx
+            for i in range(start, start + nx):
+                mark[np.uintp(i)] = OUTSIDE
+            if j < HALO or k < HALO or j >= ny - HALO + (axis == 1) or k >= nz - HALO + (axis == 2):
+                continue
+            outer = (axis == 1 and (j == HALO or j == ny - HALO)) or (axis == 2 and (k == HALO or k == nz - HALO))
+            other = OUTSIDE if outer else np.uint8(0)
+            first, last = max(lo[j, k], HALO), min(hi[j, k], nx - HALO + (axis == 0))
+            missing = 0
+            for i in range(start + first, start + last):
+                p = np.uintp(i)
+                value[p] = given[p]
+                known = (is_wet[p] | is_wet[p - own]) != 0 and beta[p] >= TRUSTED
+                mark[p] = np.uint8(1) if known else other
+                missing += 0 if known else 1
+            if axis == 0 and first < last:
+                for i in (HALO, nx - HALO):
+                    p = np.uintp(start + i)
+                    if first <= i < last and mark[p] == 0:
+                        mark[p] = OUTSIDE
+            unknown[j, k], labelled[j, k] = missing, max(last - first, 0) - missing
+    for layer in range(2, 2 + LAYERS):
+        for j in prange(HALO, ny - HALO):  # labels of this very layer count as unknown: the order does not matter
+            averages, labels = np.empty(nx), np.empty(nx, dtype=np.uint8)
+            for k in range(HALO, nz - HALO):
+                around = labelled[j - 1, k] + labelled[j + 1, k] + labelled[j, k - 1] + labelled[j, k + 1]
+                if unknown[j, k] == 0 or around + labelled[j, k] == 0:
+                    continue
+                first, last = max(lo[j, k], HALO), min(hi[j, k], nx - HALO)
+                start = (j * nz + k) * nx + first
+                labelled[j, k] += _average_row(
+                    value, mark, start, last - first, sy, sz, np.uint8(layer), averages, labels
+                )  # fmt: skip
+    for j in prange(HALO, ny - HALO):
+        for k in range(HALO, nz - HALO):
+            if unknown[j, k] == 0:
+                continue
+            start = (j * nz + k) * nx
+            for i in range(start + max(lo[j, k], HALO), start + min(hi[j, k], nx - HALO)):
+                p = np.uintp(i)
+                here, label_here = value[p], mark[p]
+                fallen = here - drop
+                fallen = fallen if fallen > -FASTEST_FALL or axis != 2 else -FASTEST_FALL
+                alone = fallen if c[p] > 0.0 or c[p - own] > 0.0 else far
+                value[p] = np.nan if label_here == 0 else here
+                projected = (is_wet[p] | is_wet[p - own]) != 0 and beta[p] > 0.0
+                here = alone if label_here == 0 else here
+                given[p] = given[p] if projected or label_here == OUTSIDE else here
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _pair(q: Array, mark: NDArray[np.uint8], low: int, high: int, lowest: int) -> tuple[float, float]:
+    """Sum and number of the two faces that carry labels 1 to `lowest`."""
+    a = np.uint8(mark[low] - np.uint8(1)) < lowest
+    b = np.uint8(mark[high] - np.uint8(1)) < lowest
+    total = (q[low] if a else 0.0) + (q[high] if b else 0.0)  # not a product: nan where nothing reached
+    return total, (1.0 if a else 0.0) + (1.0 if b else 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _average_row(
+    q: Array, mark: NDArray[np.uint8], start: int, n: int, sy: int, sz: int, layer: int, averages: Array,
+    labels: NDArray[np.uint8],
+) -> int:  # fmt: skip
+    """Give unknown faces of a row the mean of their neighbours of lower layers, if there are any, and a label.
+
+    Returns how many got one. Pairs are added first, so that mirrored flows stay mirrored to the last bit.
+    """
+    one, lowest, count = np.uintp(1), np.uint8(layer - 1), 0
+    for m in range(n):
+        p = np.uintp(start + m)
+        z_sum, z_weight = _pair(q, mark, p - sz, p + sz, lowest)
+        y_sum, y_weight = _pair(q, mark, p - sy, p + sy, lowest)
+        x_sum, x_weight = _pair(q, mark, p - one, p + one, lowest)
+        total, weight = (z_sum + y_sum) + x_sum, (z_weight + y_weight) + x_weight
+        reached = mark[p] == 0 and weight > 0.0
+        averages[m] = total / (weight if reached else 1.0) if reached else q[p]
+        labels[m] = np.uint8(layer) if reached else mark[p]
+        count += 1 if reached else 0
+    for m in range(n):
+        p = np.uintp(start + m)
+        q[p] = averages[m]
+        mark[p] = labels[m]
+    return count
+
+
+@njit(cache=True, error_model="numpy", parallel=True)
+def blend(
+    out: tuple[Array, Array, Array], ext: tuple[Array, Array, Array], wet: NDArray[np.uint8], solids: AreaFractions,
+    regions: NDArray[np.int64], position: Array, velocity: Array, angular_velocity: Array, density: float, dt: float,
+    metrics: Metrics, exchange: Array,
+) -> None:  # fmt: skip
+    """Draw small open faces towards the extended velocity without its part through the wall; set closed ones to it.
+
+    u = (u + rate dt u_slip) / (1 + rate dt) with rate = 50 [(0.7 - beta) / beta]^2 1/s: a face that is hardly open has
+    hardly any water of its own. What momentum this takes is given to the solid. Where the extension does not reach,
+    nothing changes: fed by its own result, step by step, spray beside a curved wall would gather speed.
+
+    Parameters
+    ----------
+    out : three arrays, changed
+        Velocity [m/s].
+    ext : three arrays
+        Extended velocity [m/s]; nan where it does not reach.
+    regions : array of int, shape (n, 6)
+        Index boxes of the solids.
+    position, velocity, angular_velocity : array, shape (n, 3)
+        Of the solids, grid axes.
+    exchange : array, shape (n, 6), changed
+        Force [N] and moment [N m] about the solids' origins, grid axes.
+    """
+    ny = wet.shape[0]
+    for n in range(len(regions)):
+        rows = np.zeros((ny, 6))
+        for j in prange(max(regions[n, 0], HALO), min(regions[n, 1], ny - HALO)):
+            _blend_row(
+                j, n, out, ext, wet, solids, regions, position[n], velocity[n], angular_velocity[n], density, dt,
+                metrics, rows[j],
+            )  # fmt: skip
+        for j in range(ny):
+            for m in range(6):
+                exchange[n, m] += rows[j, m]
+
+
+@njit(cache=True, error_model="numpy")
+def _blend_row(
+    j: int, n: int, out: tuple[Array, Array, Array], ext: tuple[Array, Array, Array], wet: NDArray[np.uint8],
+    solids: AreaFractions, regions: NDArray[np.int64], position: Array, velocity: Array, o: Array, density: float, dt: float,
+    metrics: Metrics, exchange: Array,
+) -> None:  # fmt: skip
+    """Row j of `blend` for solid n, which turns at `o` [rad/s]."""
+    _, nz, nx = wet.shape
+    d = solids.distance
+    for k in range(max(regions[n, 2], HALO), min(regions[n, 3], nz - HALO)):
+        for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
+            widest = max(metrics.dx[i], metrics.dy[j], metrics.dz[k])
+            if not -4.0 * widest < d[j, k, i] < 2.0 * widest:
+                continue
+            for axis in range(3):
+                beta = solids.bx[j, k, i] if axis == 0 else (solids.by[j, k, i] if axis == 1 else solids.bz[j, k, i])
+                if beta >= BLENDED or (axis == 2 and k == HALO):
+                    continue
+                jb, kb, ib = j - (axis == 1), k - (axis == 2), i - (axis == 0)
+                owner = solids.nearest[j, k, i] if d[j, k, i] <= d[jb, kb, ib] else solids.nearest[jb, kb, ib]
+                if owner != n:
+                    continue
+                gx = _slope(d, j, k, i, jb, kb, ib, 0, metrics)
+                gy = _slope(d, j, k, i, jb, kb, ib, 1, metrics)
+                gz = _slope(d, j, k, i, jb, kb, ib, 2, metrics)
+                norm = math.sqrt(gx * gx + gy * gy + gz * gz)
+                if not 1e-3 < norm < 1e2:
+                    continue
+                gx, gy, gz = gx / norm, gy / norm, gz / norm
+                x = (metrics.xf[i] if axis == 0 else metrics.xc[i]) - position[0]
+                y = (metrics.yf[j] if axis == 1 else metrics.yc[j]) - position[1]
+                z = (metrics.zf[k] if axis == 2 else metrics.zc[k]) - position[2]
+                through = (
+                    gx * (_at(ext[0], 0, axis, j, k, i) - (velocity[0] + o[1] * z - o[2] * y))
+                    + gy * (_at(ext[1], 1, axis, j, k, i) - (velocity[1] + o[2] * x - o[0] * z))
+                    + gz * (_at(ext[2], 2, axis, j, k, i) - (velocity[2] + o[0] * y - o[1] * x))
+                )
+                along = gx if axis == 0 else (gy if axis == 1 else gz)
+                target = ext[axis][j, k, i] - along * through
+                if not math.isfinite(target):
+                    continue
+                if (wet[j, k, i] or wet[jb, kb, ib]) and beta > 0.0:
+                    here = out[axis][j, k, i]
+                    strength = dt * BLEND_RATE * ((BLENDED - beta) / beta) ** 2
+                    change = strength / (1.0 + strength) * (target - here)
+                    volume = (
+                        (metrics.ex[i] if axis == 0 else metrics.dx[i])
+                        * (metrics.ey[j] if axis == 1 else metrics.dy[j])
+                        * (metrics.ez[k] if axis == 2 else metrics.dz[k])
+                    )
+                    force = -density * beta * volume * change / dt
+                    exchange[axis] += force
+                    if axis == 0:
+                        exchange[4] += z * force
+                        exchange[5] -= y * force
+                    elif axis == 1:
+                        exchange[3] -= z * force
+                        exchange[5] += x * force
+                    else:
+                        exchange[3] += y * force
+                        exchange[4] -= x * force
+                    target = here + change
+                out[axis][j, k, i] = target
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _slope(d: Array, j: int, k: int, i: int, jb: int, kb: int, ib: int, axis: int, m: Metrics) -> float:
+    """Gradient of the distance along `axis` at the face between cells (j, k, i) and (jb, kb, ib)."""
+    if axis == 0:
+        if ib != i:
+            return (d[j, k, i] - d[j, k, ib]) / m.ex[i]
+        here, there = d[j, k, i + 1] - d[j, k, i - 1], d[jb, kb, i + 1] - d[jb, kb, i - 1]
+        return 0.5 * (here + there) / (m.ex[i] + m.ex[i + 1])
+    if axis == 1:
+        if jb != j:
+            return (d[j, k, i] - d[jb, k, i]) / m.ey[j]
+        here, there = d[j + 1, k, i] - d[j - 1, k, i], d[j + 1, kb, ib] - d[j - 1, kb, ib]
+        return 0.5 * (here + there) / (m.ey[j] + m.ey[j + 1])
+    if kb != k:
+        return (d[j, k, i] - d[j, kb, i]) / m.ez[k]
+    here, there = d[j, k + 1, i] - d[j, k - 1, i], d[jb, k + 1, ib] - d[jb, k - 1, ib]
+    return 0.5 * (here + there) / (m.ez[k] + m.ez[k + 1])
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _at(q: Array, component: int, axis: int, j: int, k: int, i: int) -> float:
+    """Value of a velocity component at the face (axis; j, k, i): its own, or the mean of the four around it.
+
+    Of those that the extension reached; nan if it reached none.
+    """
+    if component == axis:
+        return q[j, k, i]
+    jb, kb, ib = j - (axis == 1), k - (axis == 2), i - (axis == 0)
+    ja, ka, ia = component == 1, component == 2, component == 0
+    a, b, c, d = q[j, k, i], q[jb + ja, kb + ka, ib + ia], q[jb, kb, ib], q[j + ja, k + ka, i + ia]
+    reached_a, reached_b, reached_c, reached_d = a == a, b == b, c == c, d == d
+    total = ((a if reached_a else 0.0) + (b if reached_b else 0.0)) + (
+        (c if reached_c else 0.0) + (d if reached_d else 0.0)
+    )
+    return total / (reached_a + reached_b + reached_c + reached_d)

@@ -1,0 +1,198 @@
+"""Bekker-Wong parameters of a soil, own or published. SI units and radians."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from exumob.ground.published_soils import SOIL_CLASSES, WONG_TABLE
+from exumob.support.arrays import Array
+from exumob.support.checks import require_positive, require_within
+
+
+@dataclass(frozen=True)
+class Soil:
+    """Bekker-Wong parameters of a soil, SI units.
+
+    Normal pressure under a plate of width b that has sunk by z (``pressure_form``):
+
+    - ``"bekker"``: (k_c / b + k_phi) z^n, paper Eq. (3); k_c [N/m^(n+1)], k_phi [N/m^(n+2)].
+    - ``"reece"``: (k_c + k_phi b) (z / b)^n, Reece (1965) as in Wong & Reece (1967); k_c [Pa], k_phi [Pa/m].
+
+    Shear stress in the patch, paper Eq. (4) after Janosi & Hanamoto (1961), strength c + sigma tan(phi)
+    (``shear_limit``):
+
+    - ``"per_axis"``: longitudinal and lateral shear each reach the strength on their own (the paper).
+    - ``"resultant"``: their resultant reaches it, along the resultant shear displacement (Wong & Chiang, Proc. IMechE
+      D 215 (2001) 343, for skid steering); never more than the strength in any direction.
+
+    Parameters
+    ----------
+    k_c, k_phi : float
+        Pressure-sinkage moduli; their dimension depends on n and on `pressure_form`, see above. >= 0, not both 0.
+    n : float
+        Sinkage exponent [-], 0 < n <= 3.
+    cohesion : float
+        [Pa], >= 0.
+    friction_angle : float
+        Internal friction [rad], 0 <= phi <= 80 degrees.
+    shear_modulus_x, shear_modulus_y : float
+        Shear deformation moduli K_x, K_y [m], > 0: the displacement that mobilises 63 % of the strength.
+    c1, c2 : float
+        Angle of maximum pressure (c1 + c2 |slip_ratio|) entry_angle [-]; both >= 0, c1 + c2 <= 1.
+    rebound_ratio : float
+        Elastic recovery of the sinkage behind the wheel over the sinkage, kappa [-], 0 to 1.
+    damping : float
+        Normal damping [s/m]: the pressure is multiplied by 1 + damping * (rate of sinkage), never below 0
+        (the form of Hunt & Crossley, J. Appl. Mech. 42 (1975) 440: no jump of the force at touch-down). The Bekker
+        pressure has no loss of its own; soil does. The default of 0.8 s/m is ours: a 2 kg wheel assembly (diameter
+        0.2 m, width 0.08 m) on LETE sand under 140 N is then damped at 20 % of critical.
+    name : str
+        For messages and results.
+    pressure_form, shear_limit : str
+        See above.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite or outside its range.
+    """
+
+    k_c: float
+    k_phi: float
+    n: float
+    cohesion: float
+    friction_angle: float
+    shear_modulus_x: float
+    shear_modulus_y: float
+    c1: float
+    c2: float
+    rebound_ratio: float = 0.0
+    damping: float = 0.8
+    name: str = ""
+    pressure_form: Literal["bekker", "reece"] = "bekker"
+    shear_limit: Literal["per_axis", "resultant"] = "per_axis"
+
+    def __post_init__(self) -> None:
+        require_within("Soil", 0.0, 1.0e12, k_c=self.k_c, k_phi=self.k_phi)
+        require_positive("Soil", n=self.n)
+        require_within("Soil", 0.0, 3.0, "published exponents lie between 0.1 and 1.7.", n=self.n)
+        require_within("Soil", 0.0, 1.0e8, cohesion=self.cohesion)
+        require_within(
+            "Soil", 0.0, math.radians(80.0), "give the angle in radians: math.radians(degrees).",
+            friction_angle=self.friction_angle,
+        )  # fmt: skip
+        require_positive("Soil", shear_modulus_x=self.shear_modulus_x, shear_modulus_y=self.shear_modulus_y)
+        require_within("Soil", 0.0, 1.0, c1=self.c1, c2=self.c2, rebound_ratio=self.rebound_ratio)
+        require_within("Soil", 0.0, 1.0e3, damping=self.damping)
+        if self.k_c == 0.0 and self.k_phi == 0.0:
+            raise ValueError(
+                "Soil.k_c = 0 and Soil.k_phi = 0: such a soil carries no load; give at least one of them > 0."
+            )
+        if self.c1 + self.c2 > 1.0 + 1e-12:
+            raise ValueError(
+                f"Soil.c1 + Soil.c2 = {self.c1 + self.c2:g} must be <= 1: at full slip the maximum pressure would lie "
+                "ahead of the entry angle; published pairs are (0.43, 0.32), (0.18, 0.32), (0.3, 0.4), (0.4, 0.15)."
+            )
+        if self.pressure_form not in ("bekker", "reece"):
+            raise ValueError(f"Soil.pressure_form = {self.pressure_form!r} is not known; use 'bekker' or 'reece'.")
+        if self.shear_limit not in ("per_axis", "resultant"):
+            raise ValueError(f"Soil.shear_limit = {self.shear_limit!r} is not known; use 'per_axis' or 'resultant'.")
+
+    def pressure(self, sinkage: float, width: float) -> float:
+        """Pressure under a flat plate [Pa].
+
+        Parameters
+        ----------
+        sinkage : float
+            [m], >= 0.
+        width : float
+            Smaller side of the plate [m], > 0.
+        """
+        require_positive("plate", width=width)
+        require_within("plate", 0.0, math.inf, "a plate that does not touch has no pressure.", sinkage=sinkage)
+        if self.pressure_form == "reece":
+            return (self.k_c + self.k_phi * width) * (sinkage / width) ** self.n
+        return (self.k_c / width + self.k_phi) * sinkage**self.n
+
+    def as_array(self) -> Array:
+        """Parameters packed for `exumob.ground.terramechanics.wheel_soil_kernel`, shape (13,)."""
+        return np.array(
+            [
+                self.k_c, self.k_phi, self.n, self.cohesion, math.tan(self.friction_angle), self.shear_modulus_x,
+                self.shear_modulus_y, self.c1, self.c2, self.rebound_ratio, self.damping,
+                float(self.pressure_form == "reece"), float(self.shear_limit == "resultant"),
+            ]
+        )  # fmt: skip
+
+    @classmethod
+    def published(cls, name: str) -> Soil:
+        """One of the 23 soils of `published_table`, by its name in the table.
+
+        Raises
+        ------
+        ValueError
+            If no soil has this name; the message lists the nearest names.
+        """
+        for row in _PUBLISHED:
+            if row.name.casefold() == name.strip().casefold():
+                return row.soil
+        known = [row.name for row in _PUBLISHED]
+        lowered = {entry.casefold(): entry for entry in known}
+        wanted = name.strip().casefold()
+        near = [lowered[key] for key in difflib.get_close_matches(wanted, lowered, n=5, cutoff=0.4)]
+        near += [entry for key, entry in lowered.items() if wanted and wanted in key and entry not in near]
+        raise ValueError(
+            f"Soil.published: no soil is called {name!r}; "
+            + (
+                f"did you mean {', '.join(map(repr, near))}?"
+                if near
+                else f"the table holds {', '.join(map(repr, known))}."
+            )
+        )
+
+    @staticmethod
+    def published_table() -> tuple[PublishedSoil, ...]:
+        """All published soils with the provenance of every value, in the order of the source."""
+        return _PUBLISHED
+
+
+class PublishedSoil(NamedTuple):
+    """A row of the table of published soils."""
+
+    name: str
+    soil: Soil
+    shear_modulus_published: bool
+    """True: K stands in the source; False: chosen by the rule in `source`"""
+    source: str
+    """Where each value comes from, in words"""
+
+
+def _kilo(text: str) -> float:
+    return round(1e3 * float(text), 6)
+
+
+def _published() -> tuple[PublishedSoil, ...]:
+    rows = []
+    for line in WONG_TABLE.splitlines():
+        name, n, k_c, k_phi, cohesion, friction, modulus, kind = (cell.strip() for cell in line.split("|"))
+        default_modulus, c1, c2, why = SOIL_CLASSES[kind]
+        shear_modulus = float(modulus) if modulus else default_modulus
+        soil = Soil(
+            k_c=_kilo(k_c), k_phi=_kilo(k_phi), n=float(n), cohesion=_kilo(cohesion),
+            friction_angle=math.radians(float(friction)), shear_modulus_x=shear_modulus, shear_modulus_y=shear_modulus,
+            c1=c1, c2=c2, name=name,
+        )  # fmt: skip
+        if modulus and "; " in why:
+            why = why.split("; ", 1)[1]
+        known = "n, k_c, k_phi, c, phi, K" if modulus else "n, k_c, k_phi, c, phi"
+        source = f"{known}: published; class {kind!r}: {why}; K_y = K_x, no rebound (ours)"
+        rows.append(PublishedSoil(name, soil, bool(modulus), source))
+    return tuple(rows)
+
+
+_PUBLISHED = _published()

@@ -1,0 +1,1 @@
+"""Can the vehicle cross? The verdict on one run, and maps over many."""

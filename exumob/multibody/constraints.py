@@ -1,0 +1,132 @@
+"""The constraints of an assembled Exudyn system apart: residuals, reactions, projection on their manifold.
+
+Exudyn's time integrator keeps these to itself; a second solver object in dense mode, on the same system, gives them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from exumob.support.arrays import Array
+from exumob.support.exudyn import exu
+
+
+class Constraints:
+    """Constraints of nine rigid bodies with Euler parameters (hull, uprights, wheels).
+
+    Parameters
+    ----------
+    mbs : exudyn.MainSystem
+        Assembled. Making this object resets its state to the initial configuration.
+    coordinates, velocities, multipliers : array
+        Live views of the system's state, shapes (63,), (63,) and (constraints,).
+    reference : array, shape (63,)
+        Reference coordinates, to be added to `coordinates`.
+    spin_rows : array of int, shape (4,)
+        Rows of the wheel-spin constraints, which act on velocity level.
+    """
+
+    def __init__(
+        self,
+        mbs: Any,
+        coordinates: Array,
+        velocities: Array,
+        multipliers: Array,
+        reference: Array,
+        spin_rows: NDArray[np.int64],
+    ) -> None:
+        """Prepare the second solver."""
+        self._mbs = mbs
+        self._q, self._v, self._multipliers, self._reference = coordinates, velocities, multipliers, reference
+        self._spin_rows = spin_rows
+        settings = exu.SimulationSettings()
+        settings.linearSolver.solverType = exu.LinearSolverType.EXUdense
+        settings.timeIntegration.verboseMode = 0
+        settings.solution.file.write = settings.solution.file.writeInitialValues = False
+        settings.solution.sensors.active = False
+        self._solver = exu.MainSolverImplicitSecondOrder()
+        self._solver.InitializeSolver(mbs, settings)
+        n = len(coordinates) + len(multipliers)
+        self._zeros = np.zeros((n, n))
+        self._velocity_level = np.zeros(len(multipliers), dtype=np.bool_)
+        self._velocity_level[spin_rows] = True
+
+    def residual(self, velocity_level: bool) -> Array:
+        """C or, on velocity level, dC/dt; shape (constraints,)."""
+        self._solver.ComputeAlgebraicEquations(self._mbs, velocity_level)
+        return np.array(self._solver.GetSystemResidual())[len(self._q) :]
+
+    def _derivative(self, position: float, velocity: float) -> Array:
+        """Position * dC/dq + velocity * dC/dv, shape (constraints, 63)."""
+        self._solver.SetSystemJacobian(self._zeros)
+        self._solver.ComputeJacobianAE(self._mbs, position, velocity, 1.0, False)
+        return np.array(self._solver.GetSystemJacobian())[len(self._q) :, : len(self._q)]
+
+    def jacobian(self) -> Array:
+        """dC/dq of position-level rows and dC/dv of velocity-level rows, shape (constraints, 63)."""
+        position, velocity = self._derivative(1.0, 0.0), self._derivative(0.0, 1.0)
+        return np.where(self._velocity_level[:, None], velocity, position)
+
+    def errors(self) -> tuple[float, float]:
+        """Largest residual of the position-level [m or rad] and the velocity-level [rad/s] constraints."""
+        residual = np.abs(self.residual(False))
+        return float(residual[~self._velocity_level].max()), float(residual[self._velocity_level].max())
+
+    def wrenches(self) -> Array:
+        """Forces and moments of all constraints on the nine bodies, world axes, about each origin, shape (9, 6).
+
+        From the Lagrange multipliers: Q = -C_q^T lambda (paper Eq. 6); torque = G(e) Q_e / 2. The multiplier of a spin
+        constraint is a torque about the wheel's axis.
+        """
+        multipliers = np.array(self._multipliers)
+        spin_torque = -multipliers[self._spin_rows]
+        multipliers[self._velocity_level] = 0.0
+        generalized = (-multipliers @ self._derivative(1.0, 0.0)).reshape(9, 7)
+        nodes = (np.array(self._q) + self._reference).reshape(9, 7)
+        wrenches = np.empty((9, 6))
+        wrenches[:, :3] = generalized[:, :3]
+        wrenches[:, 3:] = 0.5 * np.einsum("nij,nj->ni", _euler_map(nodes[:, 3:]), generalized[:, 3:])
+        w, x, y, z = nodes[1:5, 3:].T
+        axles = np.stack([2.0 * (x * y - w * z), 2.0 * (w * w + y * y) - 1.0, 2.0 * (y * z + w * x)], axis=-1)
+        wrenches[5:, 3:] += spin_torque[:, None] * axles
+        wrenches[1:5, 3:] -= spin_torque[:, None] * axles
+        return wrenches
+
+    def project(self, tolerance: float = 1e-14) -> None:
+        """Move the system's coordinates and velocities to the nearest ones that meet the constraints.
+
+        Newton on the positions, then one projection of the velocities, both in the metric of the mass matrix (paper
+        Sec. 2.3).
+        """
+        self._solver.ComputeMassMatrix(self._mbs, 1.0)
+        mass = np.array(self._solver.GetSystemMassMatrix())[: len(self._q), : len(self._q)]
+        for _ in range(10):
+            residual = np.where(self._velocity_level, 0.0, self.residual(False))
+            if np.abs(residual).max() < tolerance:
+                break
+            jacobian = np.where(self._velocity_level[:, None], 0.0, self._derivative(1.0, 0.0))
+            self._q[:] = np.array(self._q) - _smallest_correction(mass, jacobian, residual)
+        self._v[:] = np.array(self._v) - _smallest_correction(mass, self.jacobian(), self.residual(True))
+
+
+def _euler_map(e: Array) -> Array:
+    """G of w = 2 G(e) e_t: world angular velocity from Euler parameters, shape (n, 4) -> (n, 3, 4)."""
+    a, b, c, d = e.T
+    rows = [-b, a, -d, c], [-c, d, a, -b], [-d, -c, b, a]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
+
+
+def _smallest_correction(mass: Array, jacobian: Array, residual: Array) -> Array:
+    """Smallest correction in the metric of `mass` with jacobian @ correction = residual.
+
+    The full saddle-point system is solved: with Euler parameters the mass matrix alone is singular.
+    """
+    rows = np.abs(jacobian).max(axis=1) > 0.0
+    active = jacobian[rows]
+    n, m = len(mass), len(active)
+    system = np.block([[mass, active.T], [active, np.zeros((m, m))]])
+    solution: Array = np.linalg.solve(system, np.concatenate([np.zeros(n), residual[rows]]))
+    return solution[:n]

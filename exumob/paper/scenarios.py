@@ -1,0 +1,91 @@
+"""The scenarios of the reference maneuver, named D60/U1: depth 60 % of the tyre diameter, current 1 m/s ahead."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from exumob.driving.maneuver import LaneChange, lane_change
+from exumob.support.checks import require_within
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.conditions import Water
+
+NAME = re.compile(
+    r"D(?P<depth>\d+(\.\d+)?)/U(?P<current>\d+(\.\d+)?)(@(?P<angle>-?\d+(\.\d+)?))?(/(?P<steering>-?\d+(\.\d+)?)deg)?"
+)
+REFERENCE_STEERING = 30.0
+"""Amplitude that a name need not mention [deg]."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Water and steering of one lane change."""
+
+    depth_ratio: float
+    """Water depth over tyre diameter [-]"""
+    current_speed: float
+    """[m/s]"""
+    steering: float = REFERENCE_STEERING
+    """Amplitude [deg]; negative: the mirrored maneuver"""
+    current_angle: float = 0.0
+    """Of the current [deg]; 0: head on, positive: it comes from the left of the first heading"""
+
+    def __post_init__(self) -> None:
+        require_within("Scenario", 0.0, 2.0, depth_ratio=self.depth_ratio)
+        require_within("Scenario", 0.0, 5.0, current_speed=self.current_speed)
+        require_within("Scenario", -180.0, 180.0, current_angle=self.current_angle)
+
+    @classmethod
+    def named(cls, name: str) -> Scenario:
+        """Of a name such as D60/U1, D50/U0.5/15deg (steering), D50/U0.5@20 (current 20 degrees from the left).
+
+        Raises
+        ------
+        ValueError
+            If the name is not of that form.
+        """
+        found = NAME.fullmatch(name)
+        if found is None:
+            raise ValueError(
+                f"scenario {name!r} is not of the form D60/U1, D50/U0.5/15deg or D50/U0.5@20: depth in % of the tyre's "
+                "diameter, current in m/s, steering and angle of the current in degrees."
+            )
+        return cls(
+            float(found["depth"]) / 100.0, float(found["current"]), float(found["steering"] or REFERENCE_STEERING),
+            float(found["angle"] or 0.0),
+        )  # fmt: skip
+
+    @property
+    def name(self) -> str:
+        """As `named` takes it."""
+        steering = "" if self.steering == REFERENCE_STEERING else f"/{self.steering:g}deg"
+        angle = f"@{self.current_angle:g}" if self.current_angle else ""
+        return f"D{100.0 * self.depth_ratio:g}/U{self.current_speed:g}{angle}{steering}"
+
+    @property
+    def file_stem(self) -> str:
+        """The name as part of a file's."""
+        return self.name.replace("/", "_")
+
+    def water(self, vehicle: Vehicle) -> Water:
+        """Water of the scenario for a vehicle's tyres."""
+        return Water.at_ratio(
+            self.depth_ratio, self.current_speed, tyre_diameter=vehicle.wheel.diameter,
+            current_direction=math.pi + math.radians(self.current_angle),
+        )  # fmt: skip
+
+    def maneuver(self) -> LaneChange:
+        """The lane change, steered as the scenario says."""
+        return lane_change(math.radians(self.steering))
+
+
+TRAINING = tuple(
+    Scenario.named(name)
+    for name in (
+        "D40/U0", "D40/U0.5", "D40/U1", "D45/U0.75", "D50/U0", "D55/U0.25", "D55/U0.75", "D60/U0", "D60/U1",
+    )
+)  # fmt: skip
+"""Runs from which networks learn."""
+UNSEEN = tuple(Scenario.named(name) for name in ("D50/U0.5", "D60/U0.5", "D50/U1", "D50/U0.5/15deg"))
+"""Runs that no network sees before its final evaluation, nor anything that is chosen about it."""

@@ -1,0 +1,1 @@
+"""One run: the macro steps, its result, its checkpoint, its figures."""

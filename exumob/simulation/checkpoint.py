@@ -1,0 +1,243 @@
+"""Checkpoints: the whole of a run in one file, from which it goes on with the same bits.
+
+A file is an uncompressed numpy archive (.npz): every array under its own name, and one text, JSON, that says how they
+hang together and what run they belong to. No pickle: a file from elsewhere can do no harm. It is written under another
+name and then renamed, so that a killed run leaves the last whole one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import time
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from exumob.coupling.schemes import Coupling
+from exumob.driving.maneuver import Maneuver
+from exumob.multibody.system import HISTORY_STEP, MultibodyVehicle, SavedState
+from exumob.support.files import PACKAGE
+from exumob.support.provenance import parameters_json, versions
+from exumob.water.hydrodynamics import Hydrodynamics
+
+logger = logging.getLogger(__name__)
+
+INTERVAL = 0.5
+"""Simulated time between checkpoints [s]."""
+RESCUE_STEPS = 10
+"""Macro steps after which the state is noted in memory, for a checkpoint when a run breaks in the midst of a step."""
+SLOW = 0.5
+"""Time for a flow code's save [s] beyond which its state is noted less often."""
+HEAD = "contents"
+"""Name of the JSON text in the archive."""
+
+
+@dataclass(frozen=True)
+class Fingerprint:
+    """What a run is made of, by part: a checkpoint fits only a run with the same."""
+
+    parts: dict[str, str]
+
+    @classmethod
+    def of(cls, parameters: dict[str, Any], maneuver: Maneuver, duration: float) -> Fingerprint:
+        """Of all parameters of a run, the maneuver's course, a hull mesh, versions and sources."""
+        parts = {name: parameters_json({name: value}) for name, value in parameters.items()}
+        times = np.arange(0.0, duration + HISTORY_STEP, HISTORY_STEP)
+        course = np.array([(*maneuver.steering(t), *maneuver.wheel_speed(t)) for t in times], dtype=float)
+        parts["maneuver"] += hashlib.sha256(course.tobytes()).hexdigest()
+        mesh = parameters["vehicle"].hull.mesh
+        if mesh is not None:
+            parts["vehicle"] += hashlib.sha256(Path(mesh).read_bytes()).hexdigest()
+        parts["versions"] = json.dumps(versions())
+        parts["program"] = program_digest()
+        return cls(parts)
+
+    def differences(self, other: dict[str, str]) -> list[str]:
+        """Names of the parts that differ."""
+        return [name for name in self.parts if self.parts[name] != other.get(name)]
+
+
+def program_digest() -> str:
+    """Digest of the package's sources: the same bits come only from the same program."""
+    folder = PACKAGE
+    digest = hashlib.sha256()
+    for file in sorted(folder.rglob("*.py")):
+        digest.update(file.relative_to(folder).as_posix().encode() + file.read_bytes())
+    return digest.hexdigest()
+
+
+class Checkpoints:
+    """The checkpoint file of one run.
+
+    Parameters
+    ----------
+    file : Path
+    fingerprint : Fingerprint
+    resume : bool
+        Whether to go on from the file, if it is there.
+
+    Raises
+    ------
+    ValueError
+        If the folder does not exist, the file is there but not to be resumed, or is of another run.
+    """
+
+    def __init__(self, file: Path, fingerprint: Fingerprint, resume: bool) -> None:
+        """Check the file before anything runs."""
+        self.file, self.fingerprint = file, fingerprint
+        self._noted: tuple[int, Any, Any, Any] | None = None
+        self._written = -1
+        self._passed = 0  # whole intervals
+        self._patience = 0.0
+        self._began = time.perf_counter()
+        self.elapsed = 0.0
+        """What earlier processes took until the checkpoint from which this one goes on [s]."""
+        if not file.parent.is_dir():
+            raise ValueError(f"checkpoint {file}: the folder {file.parent} does not exist; create it first.")
+        self.found = file.exists()
+        if self.found and not resume:
+            raise ValueError(f"checkpoint {file} exists already; resume from it (resume, --resume) or move it away.")
+        if self.found:
+            with _opened(file) as archive:
+                head = _head(file, archive)
+            self.elapsed = float(head.get("elapsed", 0.0))
+            wrong = fingerprint.differences(head["fingerprint"])
+            if wrong:
+                raise ValueError(
+                    f"checkpoint {file} belongs to another run: {', '.join(wrong)} differ"
+                    f"{'s' if len(wrong) == 1 else ''}. Resume with what it was made with, or move it away and begin "
+                    "anew."
+                )
+        self.released = self.found and int(head["step"]) >= 0
+        self.development: Any = read(file)[1]["development"] if self.found and not self.released else None
+
+    def resume(self, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling) -> int:
+        """Bring all to the state of the file; return the number of macro steps done."""
+        steps, saved = read(self.file)
+        model.restore(SavedState(**saved["model"]))
+        hydrodynamics.restore(saved["hydrodynamics"])
+        coupling.restore(saved["coupling"])
+        self._written, self._passed = steps, int(model.time / INTERVAL + 1e-6)
+        logger.info("%s: goes on from %.3f s", self.file, model.time)
+        return steps
+
+    def keep_development(self, saved: Any) -> None:
+        """Write the state of the water before the release."""
+        write(self.file, -1, {"development": saved}, self.fingerprint, self._elapsed())
+
+    def before_step(
+        self, step: int, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling
+    ) -> None:  # fmt: skip
+        """Write or note the state before macro step number `step`, if it is time to."""
+        passed = int(model.time / INTERVAL + 1e-6)
+        if (step == 0 or passed > self._passed) and step != self._written:
+            self._passed = passed
+            self._write(step, model, hydrodynamics, coupling)
+        if step % RESCUE_STEPS == 0 and time.monotonic() > self._patience:
+            begin = time.monotonic()
+            self._noted = (
+                step, model.save(histories=False), hydrodynamics.save(histories=False), coupling.save(histories=True)
+            )  # fmt: skip
+            took = time.monotonic() - begin
+            if took > SLOW:
+                self._patience = begin + 20.0 * took
+
+    def rescue(self, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling) -> None:
+        """Write the state noted last, after a run was stopped or broke wherever it was."""
+        if self._noted is None or self._noted[0] <= self._written:
+            return
+        step, bodies, water, scheme = self._noted
+        model.restore(bodies)
+        hydrodynamics.restore(water)
+        coupling.restore(scheme)
+        self._write(step, model, hydrodynamics, coupling)
+
+    def _write(
+        self, step: int, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling
+    ) -> None:  # fmt: skip
+        saved = model.save()
+        tree = {
+            "model": {f.name: getattr(saved, f.name) for f in fields(saved)},
+            "hydrodynamics": hydrodynamics.save(),
+            "coupling": coupling.save(),
+        }
+        write(self.file, step, tree, self.fingerprint, self._elapsed())
+        self._written = step
+
+    def _elapsed(self) -> float:
+        return self.elapsed + time.perf_counter() - self._began
+
+
+def write(file: Path, step: int, tree: dict[str, Any], fingerprint: Fingerprint, elapsed: float = 0.0) -> None:
+    """Write a tree of dicts, lists, arrays, numbers and text, whole or not at all; `elapsed` [s] is what it took."""
+    arrays: dict[str, np.ndarray] = {}
+    head = {"step": step, "fingerprint": fingerprint.parts, "elapsed": elapsed, "tree": _taken_apart(tree, "", arrays)}
+    partial = file.with_name(f".{file.name}.partial")
+    try:
+        with partial.open("wb") as stream:
+            np.savez(stream, allow_pickle=False, **{HEAD: np.array(json.dumps(head))}, **arrays)
+            stream.flush()
+            os.fsync(stream.fileno())
+        partial.replace(file)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def read(file: Path) -> tuple[int, dict[str, Any]]:
+    """Number of macro steps done (-1: not released yet), and the tree given to `write`."""
+    with _opened(file) as archive:
+        head = _head(file, archive)
+        tree: dict[str, Any] = _put_together(head["tree"], archive)
+    return int(head["step"]), tree
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[Any]:
+    with file.open("rb") as stream:
+        try:
+            archive = np.load(stream, allow_pickle=False)
+        except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+            raise ValueError(f"checkpoint {file} cannot be read ({error}); move it away and begin anew.") from None
+        yield archive
+
+
+def _head(file: Path, archive: Any) -> dict[str, Any]:
+    if not hasattr(archive, "files") or HEAD not in archive.files:
+        raise ValueError(f"checkpoint {file} is not one of exumob; give another file.")
+    head: dict[str, Any] = json.loads(str(archive[HEAD]))
+    return head
+
+
+def _taken_apart(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
+    """JSON of a tree, its arrays put aside under names of their own."""
+    if isinstance(value, np.ndarray):
+        arrays[name] = value
+        return {"array": name}
+    if isinstance(value, dict):
+        return {"dict": {key: _taken_apart(part, f"{name}/{key}", arrays) for key, part in value.items()}}
+    if isinstance(value, list | tuple):
+        return {"list": [_taken_apart(part, f"{name}/{n}", arrays) for n, part in enumerate(value)]}
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, bool | int | float | str):
+        return {"plain": value}
+    raise TypeError(f"checkpoint: {name} is a {type(value).__name__}; save() must give dicts, lists, arrays, numbers.")
+
+
+def _put_together(node: Any, archive: Any) -> Any:
+    kind, value = next(iter(node.items()))
+    if kind == "array":
+        return archive[value]
+    if kind == "dict":
+        return {key: _put_together(part, archive) for key, part in value.items()}
+    if kind == "list":
+        return [_put_together(part, archive) for part in value]
+    return value

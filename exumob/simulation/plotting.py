@@ -1,0 +1,212 @@
+"""Figures of runs: functions that take axes and a result Dataset and return the artists they draw."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+
+from exumob.support.arrays import Array
+from exumob.support.figures import BODY_COLOR, STYLE, WATER_COLOR
+from exumob.vehicle.motion import WHEELS
+
+
+def _parameters(dataset: xr.Dataset, name: str) -> dict[str, Any]:
+    stored = json.loads(dataset.attrs["parameters"])[name]
+    return {} if stored is None else next(iter(stored.values()))
+
+
+def scenario_name(dataset: xr.Dataset) -> str:
+    """Name of a run's water as in the paper: "D60/U1" (depth in % of the tyre diameter), or "no water"."""
+    water = _parameters(dataset, "water")
+    if not water:
+        return "no water"
+    ratio = water["depth"] / _parameters(dataset, "vehicle")["wheel"]["diameter"]
+    return f"D{100 * ratio:.0f}/U{water['current_speed']:g}"
+
+
+def vehicle_outlines(dataset: xr.Dataset, index: int) -> list[Array]:
+    """Corners of hull and wheels seen from above at one instant, world [m]: five arrays of shape (n, 2)."""
+    vehicle = _parameters(dataset, "vehicle")
+    hull, wheel = vehicle["hull"], vehicle["wheel"]
+    middle = hull["center_x"] - hull["center_of_mass_x"]
+    half, bow = 0.5 * hull["length"], 0.35 * hull["bow_length"]
+    side = 0.5 * hull["width"]
+    starboard = np.array([[-half, -side], [half - bow, -side], [half, -0.6 * side]])
+    shapes = [np.concatenate([starboard, starboard[::-1] * np.array([1.0, -1.0])]) + np.array([middle, 0.0])]
+    r, w = 0.5 * wheel["diameter"], 0.5 * wheel["width"]
+    shapes += [np.array([[-r, -w], [r, -w], [r, w], [-r, w]])] * 4
+    position = dataset["position"].values[index, :, :2]
+    yaw = dataset["yaw"].values[index]
+    outlines = []
+    for shape, origin, angle in zip(shapes, position, yaw, strict=True):
+        c, s = np.cos(angle), np.sin(angle)
+        outlines.append(shape @ np.array([[c, s], [-s, c]]) + origin)
+    return outlines
+
+
+def plot_path(
+    axes: Axes, dataset: xr.Dataset, every: float = 1.0, color: str = "C0", label: str | None = None
+) -> list[Artist]:
+    """Path of the hull's centre of mass, with the vehicle's outline every `every` seconds (0: never).
+
+    Thin lines: the members of an ensemble, if the run has them.
+    """
+    x, y = dataset["position"].sel(body="hull").values[:, :2].T
+    artists: list[Artist] = list(axes.plot(x, y, color=color, lw=1.6, label=label, zorder=3))
+    if "member_position" in dataset:
+        for member in dataset["member_position"].values:
+            artists += axes.plot(*member[:, :2].T, color="0.2", lw=0.6, zorder=4)
+    if every > 0.0:
+        times = dataset["time"].values
+        for t in np.arange(0.0, times[-1] + 1e-9, every):
+            for k, outline in enumerate(vehicle_outlines(dataset, int(np.argmin(np.abs(times - t))))):
+                face = color if k == 0 else BODY_COLOR
+                patch = Polygon(
+                    outline, closed=True, fc=face, alpha=0.22 if k == 0 else 0.5, ec=color, lw=0.5, zorder=2
+                )
+                artists.append(axes.add_patch(patch))
+    axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    return artists
+
+
+def plot_lateral_velocity(axes: Axes, dataset: xr.Dataset, **style: Any) -> list[Artist]:
+    """Velocity of the hull to the left of its heading (paper Fig. 8a)."""
+    axes.set(xlabel="time [s]", ylabel="lateral velocity [m/s]")
+    return list(axes.plot(dataset["time"], dataset["lateral_velocity"], **style))
+
+
+def plot_forward_velocity(axes: Axes, dataset: xr.Dataset, **style: Any) -> list[Artist]:
+    """Velocity of the hull along its heading."""
+    axes.set(xlabel="time [s]", ylabel="forward velocity [m/s]")
+    return list(axes.plot(dataset["time"], dataset["forward_velocity"], **style))
+
+
+def plot_yaw(axes: Axes, dataset: xr.Dataset, **style: Any) -> list[Artist]:
+    """Heading of the hull (paper Fig. 8b)."""
+    axes.set(xlabel="time [s]", ylabel="yaw [deg]")
+    return list(axes.plot(dataset["time"], np.degrees(dataset["yaw"].sel(body="hull")), **style))
+
+
+def plot_wheel_loads(axes: Axes, dataset: xr.Dataset, **style: Any) -> list[Artist]:
+    """Upward force of the soil on each wheel."""
+    axes.set(xlabel="time [s]", ylabel="soil reaction [N]")
+    artists: list[Artist] = []
+    for k, wheel in enumerate(WHEELS):
+        load = dataset["soil_force"].sel(wheel=wheel, axis="z")
+        artists += axes.plot(dataset["time"], load, label=wheel.replace("_", " "), **({"color": f"C{k}"} | style))
+    return artists
+
+
+def plot_water_force(axes: Axes, dataset: xr.Dataset, body: str = "hull", **style: Any) -> list[Artist]:
+    """Force of the water on one body in its own axes (paper Fig. 7)."""
+    axes.set(xlabel="time [s]", ylabel=f"water on {body.replace('_', ' ')} [N]")
+    artists: list[Artist] = []
+    for k, component in enumerate(("Fx", "Fy", "Fz")):
+        force = dataset["water_wrench"].sel(body=body, component=component)
+        artists += axes.plot(dataset["time"], force, label=f"$F_{component[1]}$", **({"color": f"C{k}"} | style))
+    return artists
+
+
+def plot_run(dataset: xr.Dataset) -> Figure:
+    """One run on one page: path, speeds, yaw and steering, wheel loads, slip, water."""
+    with plt.rc_context(STYLE):
+        figure, grid = plt.subplot_mosaic(
+            [["path"] * 3, ["speed", "yaw", "slip"], ["load", "water", "power"]],
+            figsize=(11.0, 8.0),
+            height_ratios=[1.0, 1.0, 1.0],
+            layout="constrained",
+        )
+        plot_path(grid["path"], dataset)
+        vehicle = _parameters(dataset, "vehicle")["name"]
+        soil = _parameters(dataset, "soil")["name"] or "soil"
+        grid["path"].set_title(
+            f"{vehicle} on {soil}, {scenario_name(dataset)}, {dataset.attrs['hydrodynamics']} "
+            "(outline every second; circle: start)"
+        )
+        grid["path"].plot(*dataset["position"].values[0, 0, :2], "o", color="C0", ms=4)
+        _draw_current(grid["path"], dataset)
+        grid["path"].margins(x=0.03, y=0.25)
+        plot_forward_velocity(grid["speed"], dataset, label="forward")
+        plot_lateral_velocity(grid["speed"], dataset, label="lateral")
+        grid["speed"].set(ylabel="velocity of the hull [m/s]", title="Speed")
+        plot_yaw(grid["yaw"], dataset, label="yaw")
+        steering = np.degrees(dataset["steering_angle"].values)
+        for k, side in enumerate(("left", "right") if np.ptp(steering, axis=1).max() > 0.0 else ("",)):
+            grid["yaw"].plot(dataset["time"], steering[:, k], "--", lw=0.9, color=f"C{k + 1}", label=f"steering {side}")
+        grid["yaw"].set(ylabel="angle [deg]", title="Heading and steering")
+        for k, wheel in enumerate(WHEELS):
+            slip = 100.0 * dataset["slip_ratio"].sel(wheel=wheel)
+            grid["slip"].plot(dataset["time"], slip, color=f"C{k}", lw=1.0, label=wheel.replace("_", " "))
+        grid["slip"].set(xlabel="time [s]", ylabel="slip ratio [%]", title="Slip")
+        plot_wheel_loads(grid["load"], dataset, lw=1.0)
+        grid["load"].set_title("Soil reaction on the wheels")
+        plot_water_force(grid["water"], dataset, lw=1.0)
+        grid["water"].set_title("Water on the hull, body axes")
+        grid["power"].plot(dataset["time"], dataset["spin_power"].sum("wheel"), color="C3", label="all wheels")
+        grid["power"].set(xlabel="time [s]", ylabel="driving power [W]", title="Power")
+        for name in ("speed", "yaw", "slip", "load", "water"):
+            grid[name].margins(y=0.15)
+            grid[name].legend(ncols=2)
+    return figure
+
+
+def compare_runs(runs: Mapping[str, xr.Dataset]) -> Figure:
+    """Several runs side by side: paths (paper Fig. 6), lateral velocity and yaw (Fig. 8), wheel loads, water."""
+    with plt.rc_context(STYLE):
+        figure, grid = plt.subplot_mosaic(
+            [["path", "path"], ["lateral", "yaw"], ["load", "water"]],
+            figsize=(11.0, 8.5),
+            height_ratios=[1.2, 1.0, 1.0],
+            layout="constrained",
+        )
+        for k, (name, dataset) in enumerate(runs.items()):
+            style: dict[str, Any] = {
+                "color": f"C{k}",
+                "ls": "--" if name == "no water" else "-",
+                "lw": 1.4,
+                "label": name,
+            }
+            plot_path(grid["path"], dataset, every=0.0, color=f"C{k}", label=name)[0].set(linestyle=style["ls"])
+            hull, *_ = vehicle_outlines(dataset, -1)
+            grid["path"].add_patch(Polygon(hull, closed=True, fc="none", ec=f"C{k}", lw=0.9, ls=style["ls"]))
+            plot_lateral_velocity(grid["lateral"], dataset, **style)
+            plot_yaw(grid["yaw"], dataset, **style)
+            total = dataset["soil_force"].sel(axis="z").sum("wheel")
+            grid["load"].plot(dataset["time"], total, **style)
+            drag = dataset["water_load"].sel(body="hull")
+            grid["water"].plot(dataset["time"], np.hypot(drag.sel(axis="x"), drag.sel(axis="y")), **style)
+        grid["path"].set_title("Path, and the hull at the end")
+        grid["lateral"].set_title("Lateral velocity")
+        grid["yaw"].set_title("Yaw")
+        grid["load"].set(title="Wheel load", xlabel="time [s]", ylabel="soil reaction, four wheels [N]")
+        grid["water"].set(title="Water on the hull", xlabel="time [s]", ylabel="horizontal force [N]")
+        grid["path"].legend(loc="upper left", ncols=len(runs))
+        grid["path"].margins(y=0.25)
+    return figure
+
+
+def _draw_current(axes: Axes, dataset: xr.Dataset) -> None:
+    water = _parameters(dataset, "water")
+    if water and water["current_speed"] > 0.0:
+        direction = np.array([np.cos(water["current_direction"]), np.sin(water["current_direction"])])
+        tip = 0.08 * direction
+        axes.annotate(
+            "",
+            xy=(0.93 + tip[0], 0.85 + tip[1]),
+            xytext=(0.93, 0.85),
+            xycoords="axes fraction",
+            arrowprops={"arrowstyle": "-|>", "color": WATER_COLOR, "lw": 2},
+        )
+        axes.text(
+            0.93, 0.92, f"current {water['current_speed']:g} m/s", transform=axes.transAxes, color=WATER_COLOR,
+            ha="center", fontsize=8,
+        )  # fmt: skip

@@ -1,0 +1,333 @@
+"""Results as an xarray.Dataset: built from a run's records, with units, names and provenance; saved as netCDF."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from exumob.coupling.schemes import Coupling
+from exumob.driving.maneuver import Maneuver
+from exumob.ground.soil import Soil
+from exumob.ground.terrain import Terrain
+from exumob.multibody.system import MultibodyVehicle
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
+from exumob.support.provenance import parameters_json, provenance
+from exumob.vehicle.motion import BODIES, WHEELS, WRENCH_COMPONENTS, BodyStates, quaternions
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.conditions import Water
+from exumob.water.flow_states import FLOW_STATES, flow_states
+from exumob.water.hydrodynamics import Hydrodynamics
+
+logger = logging.getLogger(__name__)
+
+WORK_KINDS = ("soil", "damper", "water", "spin", "steering", "settling")
+
+VARIABLES = {
+    # name: (dimensions, units, meaning)
+    "position": ("time body axis", "m", "position of the body's origin, world axes"),
+    "quaternion": ("time body quaternion_component", "1", "orientation, body to world, scalar first"),
+    "yaw": ("time body", "rad", "heading, counter-clockwise from world x"),
+    "pitch": ("time body", "rad", "pitch, bow down positive"),
+    "roll": ("time body", "rad", "roll, starboard down positive"),
+    "velocity": ("time body axis", "m s-1", "velocity of the body's origin, world axes"),
+    "angular_velocity": ("time body axis", "rad s-1", "angular velocity, world axes"),
+    "acceleration": ("time body axis", "m s-2", "acceleration of the body's origin, world axes"),
+    "angular_acceleration": ("time body axis", "rad s-2", "angular acceleration, world axes"),
+    "forward_velocity": ("time", "m s-1", "hull speed along its heading"),
+    "lateral_velocity": ("time", "m s-1", "hull speed to the left of its heading"),
+    "wheel_speed": ("time wheel", "rad s-1", "spin of the wheel, positive rolls forward"),
+    "steering_angle": ("time front_wheel", "rad", "front-wheel angle, positive to the left"),
+    "spin_torque": ("time wheel", "N m", "driving torque on the wheel (spin constraint)"),
+    "spin_power": ("time wheel", "W", "power of the driving torque"),
+    "sinkage": ("time wheel", "m", "sinkage of the tyre below the soil surface"),
+    "slip_ratio": ("time wheel", "1", "slip ratio, positive driving, negative braking"),
+    "slip_angle": ("time wheel", "rad", "angle of the wheel's velocity to its plane"),
+    "soil_force": ("time wheel axis", "N", "force of the soil on the tyre, world axes"),
+    "soil_moment": ("time wheel axis", "N m", "moment of the soil about the wheel centre, world axes"),
+    "suspension_force": ("time wheel", "N", "spring, damper and stops, pushing wheel and hull apart"),
+    "keel_clearance": ("time", "m", "lowest corner of the hull's keel above the soil surface"),
+    "suspension_stroke": ("time wheel", "m", "wheel above its ride height in the hull"),
+    "flow_state": ("time body state", "rad, m s-1, m", "states of paper Eq. 7"),
+    "water_wrench": ("time body component", "N, N m", "water about the body's origin, body axes"),
+    "soil_load": ("time body axis", "N", "force ledger: soil, world axes"),
+    "water_load": ("time body axis", "N", "force ledger: water, world axes"),
+    "gravity_load": ("time body axis", "N", "force ledger: weight, world axes"),
+    "suspension_load": ("time body axis", "N", "force ledger: springs, dampers and stops, world axes"),
+    "constraint_load": ("time body axis", "N", "force ledger: reactions of all constraints, world axes"),
+    "mass": ("body", "kg", "mass of the body (a wheel with its upright)"),
+    "work": ("time work_kind", "J", "work done on the vehicle since the start"),
+    "kinetic_energy": ("time", "J", "kinetic energy of all bodies"),
+    "stored_energy": ("time", "J", "energy of springs and of height"),
+    "constraint_error": ("time constraint_level", "m or rad, rad s-1", "largest constraint residual"),
+}
+"""The variables of a result."""
+
+
+def build_dataset(
+    model: MultibodyVehicle,
+    vehicle: Vehicle,
+    soil: Soil,
+    water: Water | None,
+    terrain: Terrain,
+    maneuver: Maneuver,
+    hydrodynamics: Hydrodynamics,
+    coupling: Coupling,
+    status: str,
+    steps: dict[str, float],
+    wall_times: dict[str, float],
+) -> xr.Dataset:
+    """Dataset of a run, complete or not.
+
+    Dimensions ``time``, ``body`` (`exumob.vehicle.motion.BODIES`), ``wheel``, ``axis`` (world x, y, z), ``component`` (of a
+    wrench), ``state`` (Eq. 7), ``work_kind``. In the force ledger, for each body,
+    ``soil_load + water_load + gravity_load + suspension_load + constraint_load = mass * acceleration``.
+    """
+    records = model.records
+    states = BodyStates(*(records["motion"][name] for name in BodyStates.__dataclass_fields__))
+    loads = records["loads"]
+    masses = body_masses(vehicle)
+    rotation = states.rotation
+    yaw = np.unwrap(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]), axis=0)
+    left = np.stack([-np.sin(yaw[:, 0]), np.cos(yaw[:, 0])], axis=-1)
+    ahead = np.stack([np.cos(yaw[:, 0]), np.sin(yaw[:, 0])], axis=-1)
+    hull_velocity = states.velocity[:, 0, :2]
+    values: dict[str, Array] = {
+        "position": states.position,
+        "quaternion": quaternions(rotation),
+        "yaw": yaw,
+        "pitch": -np.arcsin(np.clip(rotation[..., 2, 0], -1, 1)),
+        "roll": np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
+        "velocity": states.velocity,
+        "angular_velocity": states.angular_velocity,
+        "acceleration": states.acceleration,
+        "angular_acceleration": states.angular_acceleration,
+        "forward_velocity": (hull_velocity * ahead).sum(-1),
+        "lateral_velocity": (hull_velocity * left).sum(-1),
+        "wheel_speed": states.wheel_speed,
+        "steering_angle": records["steering"],
+        "spin_torque": records["spin_torque"],
+        "spin_power": records["spin_torque"] * states.wheel_speed,
+        "sinkage": loads["sinkage"],
+        "slip_ratio": loads["slip_ratio"],
+        "slip_angle": loads["slip_angle"],
+        "soil_force": loads["soil_force"],
+        "soil_moment": loads["soil_moment"],
+        "suspension_force": loads["suspension_force"],
+        "keel_clearance": _keel_clearance(vehicle, terrain, states),
+        "suspension_stroke": loads["stroke"],
+        "flow_state": flow_states(states, water),
+        "water_wrench": loads["water"],
+        **_force_ledger(records, states, masses),
+        "mass": masses,
+        "work": records["ledger"]["work"],
+        "kinetic_energy": loads["kinetic_energy"],
+        "stored_energy": loads["spring_energy"] + loads["gravity_energy"],
+        "constraint_error": records["constraint_error"],
+    }
+    dataset = xr.Dataset(
+        {
+            name: (dims.split(), np.ascontiguousarray(values[name]), {"units": units, "long_name": text})
+            for name, (dims, units, text) in VARIABLES.items()
+        },
+        coords={
+            "time": ("time", np.array(states.time), {"units": "s", "long_name": "time since release"}),
+            "body": list(BODIES),
+            "wheel": list(WHEELS),
+            "front_wheel": list(WHEELS[:2]),
+            "axis": ["x", "y", "z"],
+            "quaternion_component": ["w", "x", "y", "z"],
+            "component": list(WRENCH_COMPONENTS),
+            "state": list(FLOW_STATES),
+            "work_kind": list(WORK_KINDS),
+            "constraint_level": ["position", "velocity"],
+        },
+    )
+    dataset = dataset.assign({f"hydrodynamics_{k}": v for k, v in hydrodynamics.record().items()})
+    dataset = dataset.merge({f"coupling_{k}": v for k, v in coupling.record().items()}, join="outer")
+    dataset.attrs = provenance() | {
+        "title": f"exumob run of {vehicle.name}",
+        "status": status,
+        "hydrodynamics": type(hydrodynamics).__name__,
+        "coupling": type(coupling).__name__,
+        "parameters": parameters_json(
+            {
+                "vehicle": vehicle, "soil": soil, "water": water, "terrain": terrain, "maneuver": maneuver,
+                "hydrodynamics": hydrodynamics, "coupling": coupling, "steps": steps,
+            }
+        ),
+        **wall_times,
+    }  # fmt: skip
+    return dataset
+
+
+def _keel_clearance(vehicle: Vehicle, terrain: Terrain, states: BodyStates) -> Array:
+    hull = vehicle.hull
+    stern = hull.center_x - 0.5 * hull.length
+    bow = hull.center_x + 0.5 * hull.length - hull.bow_length
+    corners = [[x, y, hull.ground_clearance] for x in (stern, bow) for y in (-0.5 * hull.width, 0.5 * hull.width)]
+    points = states.position[:, 0, None] + (np.array(corners) - vehicle.hull_origin) @ states.rotation[:, 0].mT
+    if terrain.is_flat:
+        ground = np.full(points.shape[:2], terrain.height)
+    else:
+        ground = np.array([[terrain.height_and_normal(x, y)[0] for x, y, _ in row] for row in points])
+    lowest: Array = (points[..., 2] - ground).min(axis=1)
+    return lowest
+
+
+def body_masses(vehicle: Vehicle) -> Array:
+    """Masses of the five bodies [kg], shape (5,): a wheel counts with its upright."""
+    front, rear = vehicle.axle_suspensions
+    wheels = [vehicle.wheel.mass + s.upright_mass for s in (front, front, rear, rear)]
+    return np.array([vehicle.hull.mass, *wheels])
+
+
+def _force_ledger(records: np.ndarray, states: BodyStates, masses: Array) -> dict[str, Array]:
+    loads = records["loads"]
+    shape = states.position.shape
+    soil, gravity, suspension, constraint = (np.zeros(shape) for _ in range(4))
+    soil[:, 1:] = loads["soil_force"]
+    water = np.einsum("nbij,nbj->nbi", states.rotation, loads["water"][..., :3])
+    gravity[:, :, 2] = -GRAVITY * masses
+    spring = loads["suspension_force"][..., None] * states.rotation[:, 0, None, :, 2]
+    suspension[:, 0], suspension[:, 1:] = spring.sum(axis=1), -spring
+    reaction = records["constraint_wrench"][..., :3]
+    constraint[:, 0] = reaction[:, 0]
+    constraint[:, 1:] = reaction[:, 1:5] + reaction[:, 5:]
+    return {
+        "soil_load": soil,
+        "water_load": water,
+        "gravity_load": gravity,
+        "suspension_load": suspension,
+        "constraint_load": constraint,
+    }
+
+
+def ledger_residual(dataset: xr.Dataset) -> xr.DataArray:
+    """Sum of all loads less mass times acceleration [N], dims (time, body, axis), ideally 0."""
+    loads = ("soil_load", "water_load", "gravity_load", "suspension_load", "constraint_load")
+    return sum(dataset[name] for name in loads) - dataset["mass"] * dataset["acceleration"]
+
+
+def energy_residual(dataset: xr.Dataset) -> xr.DataArray:
+    """Work done on the vehicle less the change of its kinetic and stored energy [J], dims (time,), ideally 0."""
+    energy = dataset["kinetic_energy"] + dataset["stored_energy"]
+    return dataset["work"].sum("work_kind") - (energy - energy.isel(time=0))
+
+
+def summary(dataset: xr.Dataset) -> dict[str, float]:
+    """Key figures of a run.
+
+    Returns
+    -------
+    dict
+        distance [m] along the path; forward and lateral displacement [m]; final yaw [rad]; drift_angle [rad], course
+        less heading at the end; mean_slip [-] (all wheels, second half of the run); buoyed_share [-], mean upward force
+        of the water over the weight; spin_energy [J]; wall_time [s]; real_time_factor [-]. With networks as the
+        water: out_of_range_share [-], of the time that some body was outside the training range; fallback_share [-], of
+        the coefficient model in the loads, mean over time and bodies. With members (`exumob.simulation.ensemble.add_members`):
+        members [-], those that arrived; forward_spread, lateral_spread [m], yaw_spread [rad], deviations of their ends.
+    """
+    hull = dataset.sel(body="hull")
+    path = hull["position"].sel(axis=["x", "y"]).values
+    end = float(dataset["time"][-1])
+    later = dataset.sel(time=slice(0.5 * end, None))
+    weight = float(-dataset["gravity_load"].isel(time=0).sel(axis="z").sum())
+    lift = float(dataset["water_load"].sel(axis="z").sum("body").mean())
+    velocity = hull["velocity"].isel(time=-1).values
+    yaw = float(hull["yaw"][-1])
+    course = float(np.arctan2(velocity[1], velocity[0])) if np.hypot(*velocity[:2]) > 0.01 else yaw
+    wall = float(dataset.attrs["wall_time"])
+    return {
+        "distance": float(np.hypot(*np.diff(path, axis=0).T).sum()),
+        "forward": float(path[-1, 0] - path[0, 0]),
+        "lateral": float(path[-1, 1] - path[0, 1]),
+        "yaw": yaw,
+        "drift_angle": float((course - yaw + np.pi) % (2 * np.pi) - np.pi),
+        "mean_slip": float(later["slip_ratio"].mean()),
+        "buoyed_share": lift / weight,
+        "spin_energy": float(dataset["work"].sel(work_kind="spin")[-1]),
+        "wall_time": wall,
+        "real_time_factor": end / wall if wall > 0.0 else float("inf"),
+        **_range_shares(dataset),
+        **_member_spreads(dataset),
+    }
+
+
+def _range_shares(dataset: xr.Dataset) -> dict[str, float]:
+    if "hydrodynamics_out_of_range" not in dataset:
+        return {}
+    return {
+        "out_of_range_share": float(dataset["hydrodynamics_out_of_range"].any("body").mean()),
+        "fallback_share": float(dataset["hydrodynamics_fallback_share"].mean()),
+    }
+
+
+def _member_spreads(dataset: xr.Dataset) -> dict[str, float]:
+    if "member_position" not in dataset:
+        return {}
+    ends = dataset["member_position"].isel(time=-1)
+    return {
+        "members": float(ends.notnull().all("axis").sum()),
+        "forward_spread": float(ends.sel(axis="x").std("member", ddof=1)),
+        "lateral_spread": float(ends.sel(axis="y").std("member", ddof=1)),
+        "yaw_spread": float(dataset["member_yaw"].isel(time=-1).std("member", ddof=1)),
+    }
+
+
+def save_dataset(dataset: xr.Dataset, file: str | Path) -> Path:
+    """Write netCDF under a temporary name, then rename: a killed run leaves no half file.
+
+    If the disk is full or not writable, the file goes to a new folder in the system's temporary one instead, and a
+    warning says so.
+
+    Returns
+    -------
+    Path
+        Where the file is.
+
+    Raises
+    ------
+    OSError
+        If neither place can be written.
+    """
+    path = Path(file)
+    try:
+        return _write(dataset, path)
+    except OSError as error:
+        fallback = Path(tempfile.mkdtemp(prefix="exumob-")) / path.name
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        try:
+            _write(dataset, fallback)
+        except OSError:
+            shutil.rmtree(fallback.parent)
+            raise
+        logger.warning("could not write %s (%s); the result was saved as %s instead", path, reason, fallback)
+        return fallback
+
+
+def _write(dataset: xr.Dataset, path: Path) -> Path:
+    if not path.parent.is_dir():
+        raise OSError(errno.ENOENT, f"folder {path.parent} does not exist")
+    packed = {name: {"zlib": True, "complevel": 4} for name, v in dataset.data_vars.items() if v.dtype.kind == "f"}
+    data = dataset.to_netcdf(engine="h5netcdf", encoding=packed)  # in memory: HDF5 on a full disk takes Python down
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        partial.write_bytes(data)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def load_dataset(file: str | Path) -> xr.Dataset:
+    """Read a result written by `save_dataset` into memory."""
+    with xr.open_dataset(file, engine="h5netcdf") as dataset:
+        return dataset.load()

@@ -1,0 +1,1 @@
+"""Helpers without physics: checks of input, errors, constants, files, provenance, smoothing, the Exudyn build."""

@@ -1,0 +1,70 @@
+"""Where a result comes from: versions, git revision, date, and all parameters as one JSON text."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import shutil
+import subprocess
+from dataclasses import asdict, is_dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from exumob.support.files import PACKAGE
+
+
+def provenance() -> dict[str, str]:
+    """Versions, git revision and date of this computation."""
+    try:
+        version = metadata.version("exumob")
+    except metadata.PackageNotFoundError:
+        version = "not installed"
+    return {
+        "exumob_version": version,
+        "exudyn_version": metadata.version("exudyn"),
+        "numpy_version": np.__version__,
+        "git_revision": _git_revision(),
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "random_seed": "none (deterministic)",
+    }
+
+
+def versions() -> dict[str, str]:
+    """Of the packages on which the bits of a result depend."""
+    return {name: metadata.version(name) for name in ("exudyn", "numpy", "scipy", "numba")}
+
+
+def parameters_json(parameters: dict[str, Any]) -> str:
+    """All parameters of a run as one JSON text.
+
+    Dataclasses and objects with a dict `parameters` become ``{class name: fields}``, arrays lists, other objects the
+    name of their class.
+    """
+    return json.dumps(parameters, default=_plain)
+
+
+def _git_revision() -> str:
+    git = shutil.which("git")
+    root = PACKAGE.parent
+    if git is None or not (root / ".git").exists():  # installed: no repository, or somebody else's around it
+        return "unknown"
+    answer = subprocess.run(
+        [git, "describe", "--always", "--dirty"], cwd=root, capture_output=True, text=True, check=False
+    )
+    return answer.stdout.strip() or "unknown"
+
+
+def _plain(value: Any) -> Any:
+    """What `json` cannot write, as something that it can."""
+    if isinstance(parameters := getattr(value, "parameters", None), dict):
+        return {type(value).__name__: parameters}
+    if is_dataclass(value) and not isinstance(value, type):
+        return {type(value).__name__: asdict(value)}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    return str(value) if isinstance(value, Path) else type(value).__name__

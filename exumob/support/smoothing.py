@@ -1,0 +1,47 @@
+"""Smoothing of load histories."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from exumob.support.arrays import Array
+from exumob.support.checks import require_positive
+
+WINDOW = 0.015
+"""Default window [s]: between the 10 and 20 ms that leave the loads of a vehicle their physics (waves at its bow last
+0.1 s and more) and take the steps of a surface that crosses cells."""
+
+
+def smoothed(values: ArrayLike, interval: float, window: float = WINDOW) -> Array:
+    """Centred moving average along the first axis, which shifts no phase.
+
+    Towards both ends the window shrinks evenly on either side: no value is repeated or invented, and a straight line
+    stays one up to its ends.
+
+    Parameters
+    ----------
+    values : array-like, shape (n, ...)
+        Samples at equal intervals, all finite.
+    interval : float
+        Between the samples [s].
+    window : float
+        Length of the average [s], rounded to an odd number of samples (`window_samples`).
+
+    Returns
+    -------
+    array, shape (n, ...)
+    """
+    samples = np.asarray(values, dtype=float)
+    n, half = len(samples), window_samples(interval, window) // 2
+    index = np.arange(n)
+    reach = np.minimum(half, np.minimum(index, n - 1 - index))
+    sums = np.concatenate([np.zeros((1, *samples.shape[1:])), np.cumsum(samples, axis=0)])
+    counts = (2 * reach + 1).reshape(-1, *[1] * (samples.ndim - 1))
+    return np.asarray((sums[index + reach + 1] - sums[index - reach]) / counts)
+
+
+def window_samples(interval: float, window: float = WINDOW) -> int:
+    """Odd number of samples nearest to a window [s], at least 1."""
+    require_positive("smoothed", interval=interval, window=window)
+    return 2 * max(round(0.5 * (window / interval - 1.0)), 0) + 1

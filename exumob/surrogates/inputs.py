@@ -1,0 +1,121 @@
+"""What a network is told of each body: quantities by name, the same when it learns and in the loop.
+
+`PAPER_INPUTS` are the five states of paper Eq. (7). The others add what the water feels besides: how fast the body
+moves through the water, how it turns, how deep it lies and how it is tilted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from exumob.support.arrays import Array
+from exumob.vehicle.motion import BodyStates
+from exumob.water.conditions import Water
+from exumob.water.flow_states import FLOW_STATE_UNITS, FLOW_STATES, flow_states
+
+
+class Input(NamedTuple):
+    """One input of a network."""
+
+    unit: str
+    mirror: int
+    """1, or -1: it changes its sign when the motion is mirrored in the plane of symmetry"""
+    meaning: str
+
+
+INPUTS = {
+    **{
+        name: Input(unit, -1 if name in ("sideslip_angle", "angle_of_attack") else 1, "paper Eq. (7)")
+        for name, unit in zip(FLOW_STATES, FLOW_STATE_UNITS, strict=True)
+    },
+    "forward_flow": Input("m/s", 1, "speed through the water, along the body's heading"),
+    "lateral_flow": Input("m/s", -1, "speed through the water, to the left of the heading"),
+    "forward_speed": Input("m/s", 1, "speed over ground, along the heading"),
+    "lateral_speed": Input("m/s", -1, "speed over ground, to the left of the heading"),
+    "yaw_rate": Input("rad/s", -1, "of the body"),
+    "roll_rate": Input("rad/s", -1, "about the body's x axis"),
+    "pitch_rate": Input("rad/s", 1, "about the body's y axis"),
+    "heave_rate": Input("m/s", 1, "upward speed of the body's origin"),
+    "immersion": Input("m", 1, "still level above the body's origin"),
+    "roll": Input("1", -1, "world z component of the body's y axis"),
+    "pitch": Input("1", 1, "world z component of the body's x axis, reversed: bow down positive"),
+    "steering": Input("rad", -1, "mean heading of the front wheels less the hull's"),
+    "hull_yaw_rate": Input("rad/s", -1, "of the hull"),
+    "hull_attack": Input("rad", -1, "angle of attack of the hull"),
+}
+"""Everything that a network can be told, by name."""
+PAPER_INPUTS = FLOW_STATES
+"""Eq. (7)."""
+MIRRORED_BODIES = (0, 2, 1, 4, 3)
+"""Where each body is found in the mirrored motion."""
+MIRRORED_LOADS = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+"""Signs of a wrench (Fx, Fy, Fz, Mx, My, Mz) in the mirrored motion."""
+
+
+def network_inputs(states: BodyStates, water: Water, names: Sequence[str]) -> Array:
+    """Inputs of the five networks.
+
+    Parameters
+    ----------
+    states : BodyStates
+        n instants.
+    water : Water
+    names : sequence of str
+        Of `INPUTS`.
+
+    Returns
+    -------
+    array, shape (n, 5, len(names))
+        Instant, body, input, in the units of `INPUTS`.
+
+    Raises
+    ------
+    ValueError
+        If a name is not known.
+    """
+    unknown = [name for name in names if name not in INPUTS]
+    if unknown:
+        raise ValueError(f"network input {unknown[0]!r} is not known; use {', '.join(INPUTS)}.")
+    found: dict[str, Array] = dict(zip(FLOW_STATES, np.moveaxis(flow_states(states, water), -1, 0), strict=True))
+    if not set(names) <= set(found):
+        found |= _further(states, water, found)
+    return np.stack([found[name] for name in names], axis=-1)
+
+
+def mirror_signs(names: Sequence[str]) -> Array:
+    """Signs of inputs in the mirrored motion, shape (len(names),)."""
+    return np.array([float(INPUTS[name].mirror) for name in names])
+
+
+def _further(states: BodyStates, water: Water, flow: dict[str, Array]) -> dict[str, Array]:
+    turn = states.rotation
+    heading = np.arctan2(turn[..., 1, 0], turn[..., 0, 0])
+    cos, sin = np.cos(heading), np.sin(heading)
+    east, north = states.velocity[..., 0], states.velocity[..., 1]
+    forward, lateral = cos * east + sin * north, cos * north - sin * east
+    current_east, current_north, _ = water.velocity
+    spin = np.einsum("nbij,nbi->nbj", turn, states.angular_velocity)
+    steering = np.arctan2(np.sin(heading[:, 1:3] - heading[:, :1]), np.cos(heading[:, 1:3] - heading[:, :1]))
+
+    def everywhere(value: Array) -> Array:
+        return np.broadcast_to(value[:, None], heading.shape)
+
+    return {
+        "forward_flow": forward - cos * current_east - sin * current_north,
+        "lateral_flow": lateral - cos * current_north + sin * current_east,
+        "forward_speed": forward,
+        "lateral_speed": lateral,
+        "yaw_rate": states.angular_velocity[..., 2],
+        "roll_rate": spin[..., 0],
+        "pitch_rate": spin[..., 1],
+        "heave_rate": states.velocity[..., 2],
+        "immersion": water.depth - states.position[..., 2],
+        "roll": turn[..., 2, 1],
+        "pitch": -turn[..., 2, 0],
+        "steering": everywhere(steering.mean(axis=1)),
+        "hull_yaw_rate": everywhere(states.angular_velocity[:, 0, 2]),
+        "hull_attack": everywhere(flow["angle_of_attack"][:, 0]),
+    }
