@@ -12,7 +12,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
-from exumob.simulation.plotting import _draw_current, _parameters, scenario_name, vehicle_outlines
+from exumob.simulation.plotting import _parameters, draw_current, plot_path, scenario_name, vehicle_outlines
 from exumob.support.figures import BODY_COLOR, SOIL_COLOR, STYLE, WATER_COLOR
 
 
@@ -56,7 +56,7 @@ class _Scene:
         self.hull, self.radius = vehicle["hull"], 0.5 * vehicle["wheel"]["diameter"]
         size = self.hull["length"]
         plot_path(top, dataset, every=0.0)
-        _draw_current(top, dataset)
+        draw_current(top, dataset)
         top.margins(x=0.12)
         y = dataset["position"].sel(body="hull", axis="y")
         top.set_ylim(float(y.min()) - 0.8 * size, float(y.max()) + 0.8 * size)

@@ -133,7 +133,7 @@ def plot_run(dataset: xr.Dataset) -> Figure:
             "(outline every second; circle: start)"
         )
         grid["path"].plot(*dataset["position"].values[0, 0, :2], "o", color="C0", ms=4)
-        _draw_current(grid["path"], dataset)
+        draw_current(grid["path"], dataset)
         grid["path"].margins(x=0.03, y=0.25)
         plot_forward_velocity(grid["speed"], dataset, label="forward")
         plot_lateral_velocity(grid["speed"], dataset, label="lateral")
@@ -194,7 +194,7 @@ def compare_runs(runs: Mapping[str, xr.Dataset]) -> Figure:
     return figure
 
 
-def _draw_current(axes: Axes, dataset: xr.Dataset) -> None:
+def draw_current(axes: Axes, dataset: xr.Dataset) -> None:
     water = _parameters(dataset, "water")
     if water and water["current_speed"] > 0.0:
         direction = np.array([np.cos(water["current_direction"]), np.sin(water["current_direction"])])

@@ -89,5 +89,9 @@ def test_no_cycles_among_files():
 
 @pytest.mark.parametrize("package", HEAVY)
 def test_heavy_packages_stay_where_they_belong(package):
-    users = {_folder(name) or "commands" for name, path in FILES.items() if any(i.split(".")[0] == package for i in _imports(path))}
+    users = {
+        _folder(name) or "commands"
+        for name, path in FILES.items()
+        if any(i.split(".")[0] == package for i in _imports(path))
+    }
     assert users - {"__main__"} <= HEAVY[package]
