@@ -8,8 +8,9 @@ from exumob.driving.path_following import PathFollowing, lane_shift
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.ground.terramechanics import wheel_soil_forces
-from exumob.simulation.results import load_dataset, save_dataset, summary
+from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.simulation.run import simulate
+from exumob.simulation.summary import summary
 from exumob.support.errors import SimulationError, SimulationInterrupted
 from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones, load_vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics

@@ -21,7 +21,7 @@ from exumob.learning.dataset import body_states, load_runs, water_of
 from exumob.learning.evaluation import THINNING, compare
 from exumob.learning.report import MEASURES, markdown, plot_paths
 from exumob.paper.scenarios import UNSEEN
-from exumob.simulation.results import save_dataset
+from exumob.simulation.result_files import save_dataset
 from exumob.support.figures import save_figure
 from exumob.surrogates.inputs import network_inputs
 from exumob.surrogates.model import SurrogateHydrodynamics

@@ -41,7 +41,7 @@ from exumob.learning.evaluation import FAST, THINNING, closed_loop, drive, open_
 from exumob.learning.presets import BEST, PRESETS, Preset
 from exumob.learning.training import Examples, examples, fit_body
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
-from exumob.simulation.results import save_dataset
+from exumob.simulation.result_files import save_dataset
 from exumob.support.errors import SimulationError
 from exumob.support.figures import STYLE, save_figure
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks

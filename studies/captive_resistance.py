@@ -20,7 +20,7 @@ from pathlib import Path
 import xarray as xr
 from matplotlib.figure import Figure
 
-from exumob.simulation.results import save_dataset
+from exumob.simulation.result_files import save_dataset
 from exumob.support.provenance import provenance
 from exumob.verification.towing import DEPTH, FROUDE_NUMBERS, resistance
 

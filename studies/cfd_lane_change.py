@@ -24,7 +24,7 @@ from exumob.learning.dataset import pack
 from exumob.paper.reference_runs import SOIL, FlowRun, compute_all, set_up_log, work_folder
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
 from exumob.simulation.plotting import plot_lateral_velocity, plot_path, plot_yaw
-from exumob.simulation.results import load_dataset, save_dataset
+from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.support.figures import STYLE, save_figure
 from exumob.support.smoothing import smoothed
 from vehicle_models.amphibious import amphibious_vehicle

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import closed_loop, drive
 from exumob.paper.scenarios import Scenario
-from exumob.simulation.results import save_dataset
+from exumob.simulation.result_files import save_dataset
 from exumob.support.figures import STYLE, save_figure
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics

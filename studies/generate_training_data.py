@@ -18,7 +18,7 @@ import xarray as xr
 from exumob.learning.dataset import pack
 from exumob.paper.reference_runs import CELL_SIZE, FlowRun, compute_all, log, set_up_log, work_folder
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
-from exumob.simulation.results import load_dataset, save_dataset
+from exumob.simulation.result_files import load_dataset, save_dataset
 from vehicle_models.amphibious import amphibious_vehicle
 
 DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"

@@ -26,7 +26,7 @@ from exumob.mobility.crossing import FAILURES, Crossing, Limits, judge
 from exumob.mobility.map import Axis, MobilityMap, compute_map
 from exumob.mobility.map_figure import plot_map
 from exumob.paper.scenarios import Scenario
-from exumob.simulation.results import save_dataset
+from exumob.simulation.result_files import save_dataset
 from exumob.support.figures import save_figure
 from exumob.sweeps import sweep
 from exumob.sweeps.experiment import Experiment, amphibious_crossing

@@ -20,7 +20,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from exumob import LaneChange, PathFollowing, lane_shift
-from exumob.simulation.results import save_dataset
+from exumob.simulation.result_files import save_dataset
 from exumob.support.figures import STYLE, save_figure
 from exumob.sweeps import tune
 from exumob.sweeps.experiment import Experiment, amphibious_lane_change

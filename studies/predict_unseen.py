@@ -22,7 +22,7 @@ from exumob.learning.evaluation import compare
 from exumob.learning.presets import PRESETS
 from exumob.learning.report import ENSEMBLE, by_scenario, markdown, models, plot_paths
 from exumob.paper.scenarios import UNSEEN
-from exumob.simulation.results import save_dataset
+from exumob.simulation.result_files import save_dataset
 from exumob.support.figures import STYLE, save_figure
 from exumob.support.smoothing import smoothed
 from vehicle_models.amphibious import amphibious_vehicle

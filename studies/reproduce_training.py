@@ -20,7 +20,7 @@ from exumob.learning.evaluation import compare
 from exumob.learning.presets import BEST, PRESETS
 from exumob.learning.report import ENSEMBLE, by_scenario, markdown, models, plot_paths
 from exumob.paper.scenarios import TRAINING, UNSEEN
-from exumob.simulation.results import save_dataset
+from exumob.simulation.result_files import save_dataset
 from exumob.support.figures import STYLE, save_figure
 from exumob.surrogates.model import SurrogateHydrodynamics
 from vehicle_models.amphibious import amphibious_vehicle

@@ -28,7 +28,8 @@ from situations import SITUATIONS, Situation
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box
 from exumob.flow.solids import HULL_FRICTION
-from exumob.simulation.results import provenance, save_dataset
+from exumob.simulation.result_files import save_dataset
+from exumob.simulation.results import provenance
 from exumob.water.conditions import Water
 
 INTERVAL = 0.005

@@ -188,7 +188,7 @@ def _networks(files: list[Path] | None, car: Vehicle, required: bool) -> Hydrody
 def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
     from exumob.simulation.animation import animate_run
     from exumob.simulation.plotting import plot_run
-    from exumob.simulation.results import summary
+    from exumob.simulation.summary import summary
 
     if result.sizes["time"] > 1:
         _print_summary(result, summary(result))

@@ -124,7 +124,7 @@ def write_result(
     animate: Callable[[xr.Dataset, Path], None],
 ) -> None:  # fmt: skip
     """Write the result, and draw it where that was asked for."""
-    from exumob.simulation.results import save_dataset
+    from exumob.simulation.result_files import save_dataset
 
     if targets["--output"]:
         console.print(f"result    {save_dataset(result, targets['--output'])}", highlight=False)

@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from exumob.simulation.results import load_dataset
+from exumob.simulation.result_files import load_dataset
 from exumob.support.arrays import Array
 from exumob.support.smoothing import WINDOW, smoothed, window_samples
 from exumob.vehicle.motion import BodyStates

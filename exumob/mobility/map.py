@@ -20,7 +20,7 @@ import xarray as xr
 from scipy.stats import binomtest
 
 from exumob.mobility.crossing import FAILURES, Crossing
-from exumob.simulation.results import save_dataset
+from exumob.simulation.result_files import save_dataset
 from exumob.support.arrays import Array
 from exumob.support.checks import require_within
 from exumob.support.provenance import parameters_json, provenance

@@ -22,7 +22,7 @@ from exumob.coupling.flow_in_loop import CfdHydrodynamics
 from exumob.flow import FlowSettings
 from exumob.ground.soil import Soil
 from exumob.paper.scenarios import Scenario
-from exumob.simulation.results import load_dataset, save_dataset
+from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.simulation.run import simulate
 from exumob.towing_tank.run import captive_grid, doubled_grid
 from exumob.vehicle.parameters import Vehicle

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from exumob.coupling.schemes import Coupling
-from exumob.driving.maneuver import Maneuver
 from exumob.multibody.system import HISTORY_STEP, MultibodyVehicle, SavedState
+from exumob.simulation.description import RunDescription
 from exumob.support.files import PACKAGE
 from exumob.support.provenance import parameters_json, versions
 from exumob.water.hydrodynamics import Hydrodynamics
@@ -47,13 +47,14 @@ class Fingerprint:
     parts: dict[str, str]
 
     @classmethod
-    def of(cls, parameters: dict[str, Any], maneuver: Maneuver, duration: float) -> Fingerprint:
-        """Of all parameters of a run, the maneuver's course, a hull mesh, versions and sources."""
-        parts = {name: parameters_json({name: value}) for name, value in parameters.items()}
-        times = np.arange(0.0, duration + HISTORY_STEP, HISTORY_STEP)
+    def of(cls, run: RunDescription) -> Fingerprint:
+        """Return the fingerprint of a run: parameters, the maneuver's course, a hull mesh, versions and sources."""
+        parts = {name: parameters_json({name: value}) for name, value in run.parts().items()}
+        times = np.arange(0.0, run.steps.duration + HISTORY_STEP, HISTORY_STEP)
+        maneuver = run.maneuver
         course = np.array([(*maneuver.steering(t), *maneuver.wheel_speed(t)) for t in times], dtype=float)
         parts["maneuver"] += hashlib.sha256(course.tobytes()).hexdigest()
-        mesh = parameters["vehicle"].hull.mesh
+        mesh = run.vehicle.hull.mesh
         if mesh is not None:
             parts["vehicle"] += hashlib.sha256(Path(mesh).read_bytes()).hexdigest()
         parts["versions"] = json.dumps(versions())

@@ -195,6 +195,7 @@ def compare_runs(runs: Mapping[str, xr.Dataset]) -> Figure:
 
 
 def draw_current(axes: Axes, dataset: xr.Dataset) -> None:
+    """Draw an arrow where the current flows to, with its speed; nothing in still water."""
     water = _parameters(dataset, "water")
     if water and water["current_speed"] > 0.0:
         direction = np.array([np.cos(water["current_direction"]), np.sin(water["current_direction"])])

@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-import errno
 import logging
-import os
-import shutil
-import tempfile
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from exumob.coupling.schemes import Coupling
-from exumob.driving.maneuver import Maneuver
-from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.multibody.system import MultibodyVehicle
+from exumob.simulation.description import RunDescription
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.support.provenance import parameters_json, provenance
 from exumob.vehicle.motion import BODIES, WHEELS, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.vehicle.parameters import Vehicle
-from exumob.water.conditions import Water
 from exumob.water.flow_states import FLOW_STATES, flow_states
-from exumob.water.hydrodynamics import Hydrodynamics
 
 logger = logging.getLogger(__name__)
 
@@ -57,11 +48,11 @@ VARIABLES = {
     "suspension_stroke": ("time wheel", "m", "wheel above its ride height in the hull"),
     "flow_state": ("time body state", "rad, m s-1, m", "states of paper Eq. 7"),
     "water_wrench": ("time body component", "N, N m", "water about the body's origin, body axes"),
-    "soil_load": ("time body axis", "N", "force ledger: soil, world axes"),
-    "water_load": ("time body axis", "N", "force ledger: water, world axes"),
-    "gravity_load": ("time body axis", "N", "force ledger: weight, world axes"),
-    "suspension_load": ("time body axis", "N", "force ledger: springs, dampers and stops, world axes"),
-    "constraint_load": ("time body axis", "N", "force ledger: reactions of all constraints, world axes"),
+    "soil_load": ("time body axis", "N", "force balance: soil, world axes"),
+    "water_load": ("time body axis", "N", "force balance: water, world axes"),
+    "gravity_load": ("time body axis", "N", "force balance: weight, world axes"),
+    "suspension_load": ("time body axis", "N", "force balance: springs, dampers and stops, world axes"),
+    "constraint_load": ("time body axis", "N", "force balance: reactions of all constraints, world axes"),
     "mass": ("body", "kg", "mass of the body (a wheel with its upright)"),
     "work": ("time work_kind", "J", "work done on the vehicle since the start"),
     "kinetic_energy": ("time", "J", "kinetic energy of all bodies"),
@@ -72,24 +63,30 @@ VARIABLES = {
 
 
 def build_dataset(
-    model: MultibodyVehicle,
-    vehicle: Vehicle,
-    soil: Soil,
-    water: Water | None,
-    terrain: Terrain,
-    maneuver: Maneuver,
-    hydrodynamics: Hydrodynamics,
-    coupling: Coupling,
-    status: str,
-    steps: dict[str, float],
-    wall_times: dict[str, float],
+    model: MultibodyVehicle, run: RunDescription, status: str, wall_times: dict[str, float]
 ) -> xr.Dataset:
-    """Dataset of a run, complete or not.
+    """Build the Dataset of a run, complete or not.
 
-    Dimensions ``time``, ``body`` (`exumob.vehicle.motion.BODIES`), ``wheel``, ``axis`` (world x, y, z), ``component`` (of a
-    wrench), ``state`` (Eq. 7), ``work_kind``. In the force ledger, for each body,
+    Dimensions: ``time``, ``body`` (`exumob.vehicle.motion.BODIES`), ``wheel``, ``axis`` (world x, y, z), ``component``
+    (of a wrench), ``state`` (Eq. 7), ``work_kind``. The forces on each body balance:
     ``soil_load + water_load + gravity_load + suspension_load + constraint_load = mass * acceleration``.
+
+    Parameters
+    ----------
+    model : MultibodyVehicle
+        The vehicle after the run.
+    run : RunDescription
+    status : str
+        How the run ended.
+    wall_times : dict of str to float
+        Times of computing [s], kept as attributes.
+
+    Returns
+    -------
+    xarray.Dataset
+        Every variable has ``units`` and ``long_name``; the attributes hold all parameters, versions and the status.
     """
+    vehicle, water = run.vehicle, run.water
     records = model.records
     states = BodyStates(*(records["motion"][name] for name in BodyStates.__dataclass_fields__))
     loads = records["loads"]
@@ -121,11 +118,11 @@ def build_dataset(
         "soil_force": loads["soil_force"],
         "soil_moment": loads["soil_moment"],
         "suspension_force": loads["suspension_force"],
-        "keel_clearance": _keel_clearance(vehicle, terrain, states),
+        "keel_clearance": _keel_clearance(vehicle, run.terrain, states),
         "suspension_stroke": loads["stroke"],
         "flow_state": flow_states(states, water),
         "water_wrench": loads["water"],
-        **_force_ledger(records, states, masses),
+        **_force_balance(records, states, masses),
         "mass": masses,
         "work": records["ledger"]["work"],
         "kinetic_energy": loads["kinetic_energy"],
@@ -150,21 +147,16 @@ def build_dataset(
             "constraint_level": ["position", "velocity"],
         },
     )
-    dataset = dataset.assign({f"hydrodynamics_{k}": v for k, v in hydrodynamics.record().items()})
-    dataset = dataset.merge({f"coupling_{k}": v for k, v in coupling.record().items()}, join="outer")
+    dataset = dataset.assign({f"hydrodynamics_{k}": v for k, v in run.hydrodynamics.record().items()})
+    dataset = dataset.merge({f"coupling_{k}": v for k, v in run.coupling.record().items()}, join="outer")
     dataset.attrs = provenance() | {
         "title": f"exumob run of {vehicle.name}",
         "status": status,
-        "hydrodynamics": type(hydrodynamics).__name__,
-        "coupling": type(coupling).__name__,
-        "parameters": parameters_json(
-            {
-                "vehicle": vehicle, "soil": soil, "water": water, "terrain": terrain, "maneuver": maneuver,
-                "hydrodynamics": hydrodynamics, "coupling": coupling, "steps": steps,
-            }
-        ),
+        "hydrodynamics": type(run.hydrodynamics).__name__,
+        "coupling": type(run.coupling).__name__,
+        "parameters": parameters_json(run.parts()),
         **wall_times,
-    }  # fmt: skip
+    }
     return dataset
 
 
@@ -189,7 +181,7 @@ def body_masses(vehicle: Vehicle) -> Array:
     return np.array([vehicle.hull.mass, *wheels])
 
 
-def _force_ledger(records: np.ndarray, states: BodyStates, masses: Array) -> dict[str, Array]:
+def _force_balance(records: np.ndarray, states: BodyStates, masses: Array) -> dict[str, Array]:
     loads = records["loads"]
     shape = states.position.shape
     soil, gravity, suspension, constraint = (np.zeros(shape) for _ in range(4))
@@ -208,126 +200,3 @@ def _force_ledger(records: np.ndarray, states: BodyStates, masses: Array) -> dic
         "suspension_load": suspension,
         "constraint_load": constraint,
     }
-
-
-def ledger_residual(dataset: xr.Dataset) -> xr.DataArray:
-    """Sum of all loads less mass times acceleration [N], dims (time, body, axis), ideally 0."""
-    loads = ("soil_load", "water_load", "gravity_load", "suspension_load", "constraint_load")
-    return sum(dataset[name] for name in loads) - dataset["mass"] * dataset["acceleration"]
-
-
-def energy_residual(dataset: xr.Dataset) -> xr.DataArray:
-    """Work done on the vehicle less the change of its kinetic and stored energy [J], dims (time,), ideally 0."""
-    energy = dataset["kinetic_energy"] + dataset["stored_energy"]
-    return dataset["work"].sum("work_kind") - (energy - energy.isel(time=0))
-
-
-def summary(dataset: xr.Dataset) -> dict[str, float]:
-    """Key figures of a run.
-
-    Returns
-    -------
-    dict
-        distance [m] along the path; forward and lateral displacement [m]; final yaw [rad]; drift_angle [rad], course
-        less heading at the end; mean_slip [-] (all wheels, second half of the run); buoyed_share [-], mean upward force
-        of the water over the weight; spin_energy [J]; wall_time [s]; real_time_factor [-]. With networks as the
-        water: out_of_range_share [-], of the time that some body was outside the training range; fallback_share [-], of
-        the coefficient model in the loads, mean over time and bodies. With members (`exumob.simulation.ensemble.add_members`):
-        members [-], those that arrived; forward_spread, lateral_spread [m], yaw_spread [rad], deviations of their ends.
-    """
-    hull = dataset.sel(body="hull")
-    path = hull["position"].sel(axis=["x", "y"]).values
-    end = float(dataset["time"][-1])
-    later = dataset.sel(time=slice(0.5 * end, None))
-    weight = float(-dataset["gravity_load"].isel(time=0).sel(axis="z").sum())
-    lift = float(dataset["water_load"].sel(axis="z").sum("body").mean())
-    velocity = hull["velocity"].isel(time=-1).values
-    yaw = float(hull["yaw"][-1])
-    course = float(np.arctan2(velocity[1], velocity[0])) if np.hypot(*velocity[:2]) > 0.01 else yaw
-    wall = float(dataset.attrs["wall_time"])
-    return {
-        "distance": float(np.hypot(*np.diff(path, axis=0).T).sum()),
-        "forward": float(path[-1, 0] - path[0, 0]),
-        "lateral": float(path[-1, 1] - path[0, 1]),
-        "yaw": yaw,
-        "drift_angle": float((course - yaw + np.pi) % (2 * np.pi) - np.pi),
-        "mean_slip": float(later["slip_ratio"].mean()),
-        "buoyed_share": lift / weight,
-        "spin_energy": float(dataset["work"].sel(work_kind="spin")[-1]),
-        "wall_time": wall,
-        "real_time_factor": end / wall if wall > 0.0 else float("inf"),
-        **_range_shares(dataset),
-        **_member_spreads(dataset),
-    }
-
-
-def _range_shares(dataset: xr.Dataset) -> dict[str, float]:
-    if "hydrodynamics_out_of_range" not in dataset:
-        return {}
-    return {
-        "out_of_range_share": float(dataset["hydrodynamics_out_of_range"].any("body").mean()),
-        "fallback_share": float(dataset["hydrodynamics_fallback_share"].mean()),
-    }
-
-
-def _member_spreads(dataset: xr.Dataset) -> dict[str, float]:
-    if "member_position" not in dataset:
-        return {}
-    ends = dataset["member_position"].isel(time=-1)
-    return {
-        "members": float(ends.notnull().all("axis").sum()),
-        "forward_spread": float(ends.sel(axis="x").std("member", ddof=1)),
-        "lateral_spread": float(ends.sel(axis="y").std("member", ddof=1)),
-        "yaw_spread": float(dataset["member_yaw"].isel(time=-1).std("member", ddof=1)),
-    }
-
-
-def save_dataset(dataset: xr.Dataset, file: str | Path) -> Path:
-    """Write netCDF under a temporary name, then rename: a killed run leaves no half file.
-
-    If the disk is full or not writable, the file goes to a new folder in the system's temporary one instead, and a
-    warning says so.
-
-    Returns
-    -------
-    Path
-        Where the file is.
-
-    Raises
-    ------
-    OSError
-        If neither place can be written.
-    """
-    path = Path(file)
-    try:
-        return _write(dataset, path)
-    except OSError as error:
-        fallback = Path(tempfile.mkdtemp(prefix="exumob-")) / path.name
-        reason = os.strerror(error.errno) if error.errno else str(error)
-        try:
-            _write(dataset, fallback)
-        except OSError:
-            shutil.rmtree(fallback.parent)
-            raise
-        logger.warning("could not write %s (%s); the result was saved as %s instead", path, reason, fallback)
-        return fallback
-
-
-def _write(dataset: xr.Dataset, path: Path) -> Path:
-    if not path.parent.is_dir():
-        raise OSError(errno.ENOENT, f"folder {path.parent} does not exist")
-    packed = {name: {"zlib": True, "complevel": 4} for name, v in dataset.data_vars.items() if v.dtype.kind == "f"}
-    data = dataset.to_netcdf(engine="h5netcdf", encoding=packed)  # in memory: HDF5 on a full disk takes Python down
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        partial.write_bytes(data)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
-    return path
-
-
-def load_dataset(file: str | Path) -> xr.Dataset:
-    """Read a result written by `save_dataset` into memory."""
-    with xr.open_dataset(file, engine="h5netcdf") as dataset:
-        return dataset.load()

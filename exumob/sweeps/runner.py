@@ -35,7 +35,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from exumob.simulation.results import save_dataset, summary
+from exumob.simulation.result_files import save_dataset
+from exumob.simulation.summary import summary
 from exumob.support.errors import SimulationError
 from exumob.support.provenance import provenance
 from exumob.sweeps.experiment import Experiment

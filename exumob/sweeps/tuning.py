@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
-from exumob.simulation.results import save_dataset
+from exumob.simulation.result_files import save_dataset
 from exumob.support.errors import SimulationError
 from exumob.support.provenance import parameters_json, provenance
 from exumob.sweeps.experiment import Experiment

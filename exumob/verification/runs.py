@@ -13,7 +13,7 @@ import xarray as xr
 from exumob.flow.grid import Grid
 from exumob.flow.settings import FlowSettings
 from exumob.flow.tread import Tread
-from exumob.simulation.results import load_dataset, save_dataset
+from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.support.files import PACKAGE
 from exumob.support.provenance import parameters_json
 from exumob.towing_tank.motion import CaptiveMotion

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from exumob.driving.maneuver import lane_change
 from exumob.flow import FlowSettings, FlowSolver, Grid, KOmegaSST, Tread
-from exumob.simulation.results import load_dataset, save_dataset
+from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.support.errors import SimulationError, SimulationInterrupted
 from exumob.support.smoothing import smoothed, window_samples
 from exumob.towing_tank.checks import check_resolution

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import exumob.flow
 from exumob.__main__ import app
-from exumob.simulation.results import load_dataset
+from exumob.simulation.result_files import load_dataset
 
 SHORT = ["--cell-size", "0.05", "--coarse", "--interval", "5e-3", "--duration", "0.02"]
 OPTIONS = {

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from exumob.__main__ import app
 from exumob.ground.soil import Soil
-from exumob.simulation.results import load_dataset
+from exumob.simulation.result_files import load_dataset
 
 SHORT = ["--duration", "0.2", "--micro-step", "5e-4", "--macro-step", "20e-3"]
 OPTIONS = {

@@ -12,7 +12,7 @@ from exumob import Soil, Water, lane_change, simulate
 from exumob.learning.dataset import VARIABLES, load_runs, pack
 from exumob.learning.importing import import_histories
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
-from exumob.simulation.results import save_dataset
+from exumob.simulation.result_files import save_dataset
 from exumob.vehicle.motion import BODIES
 from vehicle_models.amphibious import amphibious_vehicle
 

@@ -12,7 +12,7 @@ from scipy.stats import binomtest
 from exumob.mobility.crossing import FAILURES, Crossing, Limits, judge
 from exumob.mobility.map import Axis, MobilityMap, _Lattice, compute_map
 from exumob.mobility.map_figure import plot_map
-from exumob.simulation.results import load_dataset
+from exumob.simulation.result_files import load_dataset
 from exumob.support.errors import SimulationError
 from exumob.sweeps.experiment import amphibious_crossing
 from exumob.sweeps.sampling import Normal

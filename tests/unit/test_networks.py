@@ -12,8 +12,9 @@ from exumob.driving.maneuver import lane_change
 from exumob.learning.dataset import body_states, pack, usable, water_of
 from exumob.paper.scenarios import UNSEEN, Scenario
 from exumob.simulation.ensemble import add_members
-from exumob.simulation.results import save_dataset, summary
+from exumob.simulation.result_files import save_dataset
 from exumob.simulation.run import simulate
+from exumob.simulation.summary import summary
 from exumob.surrogates.inputs import INPUTS, MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
 from exumob.surrogates.networks import Architecture, NetworkSet, geometry, window_rows

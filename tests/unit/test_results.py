@@ -17,8 +17,9 @@ import xarray as xr
 
 from exumob.driving.maneuver import Recorded
 from exumob.ground.terrain import Terrain
-from exumob.simulation.results import energy_residual, ledger_residual, load_dataset, save_dataset, summary
+from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.simulation.run import simulate
+from exumob.simulation.summary import energy_residual, force_residual, summary
 from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
 from exumob.water.conditions import Water
 
@@ -197,7 +198,7 @@ def test_summary_of_a_real_run(dry_run):
 def test_ledger_and_energy_residuals_see_an_error(short_run):
     """Checks that can fail: a force or a work left out shows up in full."""
     broken = short_run.assign(soil_load=short_run["soil_load"] * 0.9, work=short_run["work"] + 1.0)
-    assert float(np.abs(ledger_residual(broken)).max()) > 5.0
+    assert float(np.abs(force_residual(broken)).max()) > 5.0
     difference = energy_residual(broken) - energy_residual(short_run)
     assert difference.values == pytest.approx(6.0)
 

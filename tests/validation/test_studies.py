@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from exumob import ConstantSteer, Soil, load_vehicle, simulate
-from exumob.simulation.results import load_dataset
+from exumob.simulation.result_files import load_dataset
 from exumob.surrogates.model import shipped_networks
 from exumob.surrogates.networks import Architecture, NetworkSet
 

@@ -8,8 +8,8 @@ import pytest
 from exumob.driving.maneuver import ConstantSteer, LaneChange, lane_change
 from exumob.ground.terrain import Terrain
 from exumob.multibody.system import MultibodyVehicle
-from exumob.simulation.results import energy_residual, ledger_residual
 from exumob.simulation.run import simulate
+from exumob.simulation.summary import energy_residual, force_residual
 from exumob.support.constants import GRAVITY
 from vehicle_models.light_4x4 import light_4x4
 
@@ -77,7 +77,7 @@ def test_kinetic_energy_is_that_of_the_bodies(dry_run, vehicle):
 @pytest.mark.parametrize("run", RUNS)
 def test_force_ledger(run, request):
     """Body by body, soil + water + gravity + suspension + constraints = mass * acceleration: 1e-4 of the weight."""
-    assert float(np.abs(ledger_residual(request.getfixturevalue(run))).max()) < 1e-4 * WEIGHT
+    assert float(np.abs(force_residual(request.getfixturevalue(run))).max()) < 1e-4 * WEIGHT
 
 
 @pytest.mark.parametrize("run", RUNS)
@@ -184,7 +184,7 @@ def test_wishbone_vehicle_energy_and_ledger(sand):
     run = simulate(truck, sand, None, turn, duration=2.2, micro_step=5e-4, macro_step=20e-3)
     spin = float(run["work"].sel(work_kind="spin")[-1])
     assert float(np.abs(energy_residual(run)).max()) < 0.01 * spin
-    assert float(np.abs(ledger_residual(run)).max()) < 1e-4 * truck.mass * GRAVITY
+    assert float(np.abs(force_residual(run)).max()) < 1e-4 * truck.mass * GRAVITY
 
 
 # -- symmetry ----------------------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exumob.simulation.results import load_dataset
+from exumob.simulation.result_files import load_dataset
 from exumob.support.errors import SimulationError
 from exumob.sweeps import grid, sweep
 from exumob.sweeps.experiment import amphibious_lane_change

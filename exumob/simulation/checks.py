@@ -1,0 +1,72 @@
+"""Checks of a run's input, before anything runs."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, is_dataclass
+
+import numpy as np
+
+from exumob.driving.maneuver import FeedbackManeuver, Maneuver
+from exumob.multibody.system import HISTORY_STEP
+from exumob.simulation.description import Steps
+from exumob.support.checks import require_positive
+from exumob.vehicle.parameters import Vehicle
+
+
+def check_steps(steps: Steps) -> None:
+    """Raise ValueError unless every step is positive and a whole multiple of the one below it [s]."""
+    require_positive("simulate", **asdict(steps))
+    for name, coarse, fine_name, fine in (
+        ("the history step of 1 ms", HISTORY_STEP, "micro_step", steps.micro_step),
+        ("macro_step", steps.macro_step, "micro_step", steps.micro_step),
+        ("record_step", steps.record_step, "micro_step", steps.micro_step),
+        ("duration", steps.duration, "macro_step", steps.macro_step),
+    ):
+        ratio = coarse / fine
+        if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6 * ratio:
+            choice, advice = name, f"{max(round(ratio), 1) * fine:.9g}"
+            if name.startswith("the history"):
+                choice, advice = "micro_step", "1e-3, 5e-4, 2.5e-4, 2e-4 or 1e-4"
+            raise ValueError(
+                f"simulate: {name} ({coarse:g} s) must be a whole multiple of {fine_name} = {fine:g} s; "
+                f"choose {choice} = {advice} s, say."
+            )
+
+
+def check_described(maneuver: Maneuver) -> None:
+    """Raise ValueError if a driver has no parameters by which a checkpoint tells it from another one."""
+    described = is_dataclass(maneuver) or isinstance(getattr(maneuver, "parameters", None), dict)
+    if isinstance(maneuver, FeedbackManeuver) and not described:
+        raise ValueError(
+            f"simulate.checkpoint: {type(maneuver).__name__} cannot be told from another one; make it a dataclass, or "
+            "give it a dict `parameters`."
+        )
+
+
+def check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> None:
+    """Raise ValueError unless a maneuver is finite, starts at rest and stays within the steering limit."""
+    times = np.arange(0.0, duration + HISTORY_STEP, HISTORY_STEP)
+    steering = np.array([maneuver.steering(t) for t in times])
+    speed = np.array([maneuver.wheel_speed(t) for t in times])
+    if not (np.isfinite(steering).all() and np.isfinite(speed).all()):
+        raise ValueError("maneuver: steering or wheel_speed is not finite within the duration; mend its definition.")
+    largest = np.abs(steering[:, 0]).max()
+    if isinstance(maneuver, FeedbackManeuver):
+        largest = max(largest, maneuver.max_steering)
+        require_positive("maneuver", control_step=maneuver.control_step)
+    elif hasattr(maneuver, "driver"):
+        missing = [name for name in ("control_step", "max_steering") if not hasattr(maneuver, name)]
+        raise ValueError(
+            f"maneuver: {type(maneuver).__name__} has a driver, but no {' and no '.join(missing)}; see "
+            "exumob.driving.maneuver.FeedbackManeuver."
+        )
+    if largest > vehicle.steering.limit:
+        raise ValueError(
+            f"maneuver: steers {np.degrees(largest):.1f} deg, beyond Steering.limit = "
+            f"{np.degrees(vehicle.steering.limit):.1f} deg of {vehicle.name}; steer less or raise the limit."
+        )
+    if np.abs(steering[0, :2]).max() > 1e-12 or np.abs(speed[0, :2]).max() > 1e-9:
+        raise ValueError(
+            f"maneuver: starts with steering {steering[0, 0]:.3g} rad and wheel speed {speed[0, 0]:.3g} rad/s; it must "
+            "start at rest, straight ahead, with zero rates (the vehicle starts in static equilibrium). Ramp them up."
+        )

@@ -1,0 +1,43 @@
+"""What a run is made of: everything that its result depends on, in one record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+from exumob.coupling.schemes import Coupling
+from exumob.driving.maneuver import Maneuver
+from exumob.ground.soil import Soil
+from exumob.ground.terrain import Terrain
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.conditions import Water
+from exumob.water.hydrodynamics import Hydrodynamics
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Duration and steps of a run [s]."""
+
+    duration: float
+    micro_step: float
+    macro_step: float
+    record_step: float
+
+
+@dataclass(frozen=True)
+class RunDescription:
+    """The parts of a run; its result and its checkpoint keep them all."""
+
+    vehicle: Vehicle
+    soil: Soil
+    water: Water | None
+    terrain: Terrain
+    maneuver: Maneuver
+    hydrodynamics: Hydrodynamics
+    coupling: Coupling
+    steps: Steps
+
+    def parts(self) -> dict[str, Any]:
+        """Return the parts by name; the steps as a dict of numbers [s]."""
+        found = {f.name: getattr(self, f.name) for f in fields(self)}
+        return found | {"steps": {f.name: getattr(self.steps, f.name) for f in fields(Steps)}}

@@ -1,0 +1,82 @@
+"""The key figures of a run, and how well its forces and energies balance."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+
+def summary(dataset: xr.Dataset) -> dict[str, float]:
+    """Compute the key figures of a run.
+
+    Returns
+    -------
+    dict
+        - distance [m] along the path; forward and lateral displacement [m]; final yaw [rad];
+        - drift_angle [rad]: course less heading at the end;
+        - mean_slip [-]: mean slip ratio of all wheels over the second half of the run;
+        - buoyed_share [-]: mean upward force of the water over the weight;
+        - spin_energy [J]: work of the driving torques;
+        - wall_time [s]; real_time_factor [-]: simulated over wall time;
+        - with networks: out_of_range_share [-], the part of the time in which some body was outside the training
+          range; fallback_share [-], the share of the coefficient model in the loads, mean over time and bodies;
+        - with members (`exumob.simulation.ensemble.add_members`): members [-], those that arrived; forward_spread,
+          lateral_spread [m] and yaw_spread [rad], standard deviations of their final positions and headings.
+    """
+    hull = dataset.sel(body="hull")
+    path = hull["position"].sel(axis=["x", "y"]).values
+    end = float(dataset["time"][-1])
+    later = dataset.sel(time=slice(0.5 * end, None))
+    weight = float(-dataset["gravity_load"].isel(time=0).sel(axis="z").sum())
+    lift = float(dataset["water_load"].sel(axis="z").sum("body").mean())
+    velocity = hull["velocity"].isel(time=-1).values
+    yaw = float(hull["yaw"][-1])
+    course = float(np.arctan2(velocity[1], velocity[0])) if np.hypot(*velocity[:2]) > 0.01 else yaw
+    wall = float(dataset.attrs["wall_time"])
+    return {
+        "distance": float(np.hypot(*np.diff(path, axis=0).T).sum()),
+        "forward": float(path[-1, 0] - path[0, 0]),
+        "lateral": float(path[-1, 1] - path[0, 1]),
+        "yaw": yaw,
+        "drift_angle": float((course - yaw + np.pi) % (2 * np.pi) - np.pi),
+        "mean_slip": float(later["slip_ratio"].mean()),
+        "buoyed_share": lift / weight,
+        "spin_energy": float(dataset["work"].sel(work_kind="spin")[-1]),
+        "wall_time": wall,
+        "real_time_factor": end / wall if wall > 0.0 else float("inf"),
+        **_range_shares(dataset),
+        **_member_spreads(dataset),
+    }
+
+
+def _range_shares(dataset: xr.Dataset) -> dict[str, float]:
+    if "hydrodynamics_out_of_range" not in dataset:
+        return {}
+    return {
+        "out_of_range_share": float(dataset["hydrodynamics_out_of_range"].any("body").mean()),
+        "fallback_share": float(dataset["hydrodynamics_fallback_share"].mean()),
+    }
+
+
+def _member_spreads(dataset: xr.Dataset) -> dict[str, float]:
+    if "member_position" not in dataset:
+        return {}
+    ends = dataset["member_position"].isel(time=-1)
+    return {
+        "members": float(ends.notnull().all("axis").sum()),
+        "forward_spread": float(ends.sel(axis="x").std("member", ddof=1)),
+        "lateral_spread": float(ends.sel(axis="y").std("member", ddof=1)),
+        "yaw_spread": float(dataset["member_yaw"].isel(time=-1).std("member", ddof=1)),
+    }
+
+
+def force_residual(dataset: xr.Dataset) -> xr.DataArray:
+    """Sum all forces on each body less mass times acceleration [N], dimensions (time, body, axis); ideally 0."""
+    loads = ("soil_load", "water_load", "gravity_load", "suspension_load", "constraint_load")
+    return sum(dataset[name] for name in loads) - dataset["mass"] * dataset["acceleration"]
+
+
+def energy_residual(dataset: xr.Dataset) -> xr.DataArray:
+    """Subtract the change of kinetic and stored energy from the work done on the vehicle [J]; ideally 0."""
+    energy = dataset["kinetic_energy"] + dataset["stored_energy"]
+    return dataset["work"].sum("work_kind") - (energy - energy.isel(time=0))
