@@ -1,6 +1,9 @@
 """The command line: `exumob lane-change`, `captive`, `train`, `sweep`, `map`, `export`, `soils` and `verify`."""
 
 import logging
+from collections.abc import Callable
+from importlib import metadata
+from typing import Annotated
 
 import typer
 from rich.logging import RichHandler
@@ -9,7 +12,8 @@ from exumob.commands.captive import captive_command
 from exumob.commands.export import export_command
 from exumob.commands.lane_change import lane_change_command
 from exumob.commands.map import map_command
-from exumob.commands.shared import errors
+from exumob.commands.options import PanelCommand
+from exumob.commands.shared import console, errors
 from exumob.commands.soils import soils_command
 from exumob.commands.sweep import sweep_command
 from exumob.commands.train import train_command
@@ -23,22 +27,30 @@ app = typer.Typer(
 )
 
 
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        console.print(f"exumob {metadata.version('exumob')}", highlight=False)
+        raise typer.Exit
+
+
 @app.callback()
-def main() -> None:
+def main(
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version and leave.", is_eager=True, callback=_show_version)
+    ] = False,
+) -> None:
     """Predict how an off-road vehicle moves through shallow water on soft soil."""
     logging.basicConfig(
         level=logging.WARNING, format="%(message)s", handlers=[RichHandler(console=errors, show_time=False)]
     )
 
 
-app.command("lane-change")(lane_change_command)
-app.command("captive")(captive_command)
-app.command("train")(train_command)
-app.command("sweep")(sweep_command)
-app.command("map")(map_command)
-app.command("export")(export_command)
-app.command("soils")(soils_command)
-app.command("verify")(verify_command)
+COMMANDS: dict[str, Callable[..., None]] = {
+    "lane-change": lane_change_command, "captive": captive_command, "sweep": sweep_command, "map": map_command,
+    "train": train_command, "export": export_command, "soils": soils_command, "verify": verify_command,
+}  # fmt: skip
+for name, command in COMMANDS.items():
+    app.command(name, cls=PanelCommand)(command)
 
 if __name__ == "__main__":
     app()

@@ -11,6 +11,20 @@ import typer
 from rich import box
 from rich.table import Table
 
+from exumob.commands.options import (
+    EXPERT,
+    OUTPUT,
+    RUN,
+    WATER,
+    CellSize,
+    Coarse,
+    Current,
+    Duration,
+    Output,
+    Threads,
+    VehicleFile,
+    option,
+)
 from exumob.commands.shared import (
     check_targets,
     console,
@@ -33,44 +47,38 @@ class Closure(StrEnum):
     NONE = "none"
 
 
-def captive_command(
-    speed: Annotated[float, typer.Option(help="Speed over ground, along the tank [m/s].")] = 1.0,
-    current: Annotated[float, typer.Option(help="Speed of the current [m/s].")] = 1.0,
+def captive_command(  # one argument an option of the command line
+    speed: Annotated[float, option(RUN, "Speed over ground, along the tank [m/s].")] = 1.0,
+    depth: Annotated[float, option(RUN, "Depth of the water [m].")] = 0.12,
+    current: Current = 1.0,
+    vehicle: VehicleFile = None,
     current_direction: Annotated[
-        float, typer.Option(help="Where the flow goes, from the tank's axis, to the left [deg].")
+        float, option(WATER, "Where the current flows to, counter-clockwise from the tank's axis [deg].")
     ] = 180.0,
-    depth: Annotated[float, typer.Option(help="Depth of the water [m].")] = 0.12,
+    output: Output = None,
+    figure: Annotated[Path | None, option(RUN, "Draw loads and free surface here (.png, .pdf, .svg).")] = None,
+    animate: Annotated[Path | None, option(OUTPUT, "Animate the free surface here (.gif or .mp4).")] = None,
+    vtk: Annotated[Path | None, option(OUTPUT, "Write fields for ParaView to this folder, 20 times a second.")] = None,
+    duration: Duration = 3.0,
     drift_angle: Annotated[
-        float, typer.Option(help="Course less heading [deg]; positive: the water meets the left side.")
+        float, option(EXPERT, "Course less heading [deg]; positive: the water meets the left side.")
     ] = 0.0,
-    yaw_rate: Annotated[float, typer.Option(help="Turning of course and heading, to the left [deg/s].")] = 0.0,
-    steering: Annotated[float, typer.Option(help="Angle of the front wheels, to the left [deg].")] = 0.0,
-    wheel_speed: Annotated[float, typer.Option(help="Spin of the wheels [rad/s].")] = 0.0,
+    yaw_rate: Annotated[float, option(EXPERT, "Turning of course and heading, to the left [deg/s].")] = 0.0,
+    steering: Annotated[float, option(EXPERT, "Angle of the front wheels, to the left [deg].")] = 0.0,
+    wheel_speed: Annotated[float, option(EXPERT, "Spin of the wheels [rad/s].")] = 0.0,
     ramp_time: Annotated[
-        float, typer.Option(help="Time from drifting with the current to the prescribed motion [s].")
+        float, option(EXPERT, "Time from drifting with the current to the prescribed motion [s].")
     ] = 1.0,
-    vehicle: Annotated[
-        Path | None, typer.Option(help="Vehicle file (Python); default: the paper's 57 kg amphibious vehicle.")
-    ] = None,
-    cell_size: Annotated[float, typer.Option(help="Of the grid round the vehicle [m].")] = 0.018,
-    coarse: Annotated[
-        bool, typer.Option("--coarse", help="Accept cells too coarse for gaps and wheels: a quick look.")
-    ] = False,
-    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 3.0,
-    interval: Annotated[float, typer.Option(help="At which loads are recorded [s].")] = 1e-3,
+    cell_size: CellSize = 0.018,
+    coarse: Coarse = False,
+    interval: Annotated[float, option(EXPERT, "Interval at which loads are recorded [s].")] = 1e-3,
     closure: Annotated[
-        Closure, typer.Option(help="Turbulence: Smagorinsky, k-omega SST, or none (laminar).")
+        Closure, option(EXPERT, "Turbulence model: Smagorinsky, k-omega SST, or none (laminar).")
     ] = Closure.SMAGORINSKY,
     surface: Annotated[
-        str, typer.Option(help="How the free surface is carried: thinc, or plic as a cross-check.")
+        str, option(EXPERT, "Transport of the free surface: thinc, or plic as a cross-check.")
     ] = "thinc",
-    threads: Annotated[int, typer.Option(help="Threads of the flow solver.")] = 1,
-    output: Annotated[Path | None, typer.Option(help="Write the result here (netCDF).")] = None,
-    figure: Annotated[Path | None, typer.Option(help="Draw loads and free surface here (.png, .pdf, .svg).")] = None,
-    animate: Annotated[Path | None, typer.Option(help="Animate the free surface here (.gif or .mp4).")] = None,
-    vtk: Annotated[
-        Path | None, typer.Option(help="Write fields for ParaView to this folder, 20 times a second.")
-    ] = None,
+    threads: Threads = 1,
 ) -> None:
     """Tow a vehicle through water on a prescribed path and find the loads on its five bodies.
 

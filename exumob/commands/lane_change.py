@@ -4,12 +4,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from exumob.commands.options import (
+    EXPERT,
+    OUTPUT,
+    RUN,
+    WATER,
+    Animation,
+    CellSize,
+    Coarse,
+    CurrentDirection,
+    Duration,
+    Figure,
+    MacroStep,
+    MicroStep,
+    Output,
+    SettingName,
+    SettingOption,
+    SoilName,
+    Threads,
+    VehicleFile,
+    option,
+)
 from exumob.commands.shared import (
     check_targets,
     console,
@@ -20,70 +42,79 @@ from exumob.commands.shared import (
     whatever_was_computed,
     write_result,
 )
+from exumob.simulation.settings import DURATION, SETTINGS, SOIL
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from exumob.vehicle.parameters import Vehicle
+    from exumob.coupling.flow_in_loop import CfdHydrodynamics
+    from exumob.coupling.schemes import Coupling
+    from exumob.water.conditions import Water
     from exumob.water.hydrodynamics import Hydrodynamics
 
 
 class WaterModel(StrEnum):
-    """What the water does to the vehicle."""
+    """Models of the water's loads by name."""
 
-    none = "none"
-    coefficients = "coefficients"
+    auto = "auto"
     networks = "networks"
+    coefficients = "coefficients"
     cfd = "cfd"
+    none = "none"
 
 
 class Scheme(StrEnum):
-    """How vehicle and flow agree within a macro step."""
+    """Schemes by which vehicle and flow agree within a macro step."""
 
     explicit = "explicit"
     semi_implicit = "semi-implicit"
     strong = "strong"
 
 
-def lane_change_command(
-    depth_ratio: Annotated[float, typer.Option(help="Water depth over tyre diameter; 0 is dry ground.")] = 0.6,
-    current: Annotated[float, typer.Option(help="Speed of the current [m/s].")] = 1.0,
-    current_direction: Annotated[
-        float, typer.Option(help="Where the flow goes, from the first heading, to the left [deg].")
-    ] = 180.0,
-    steering: Annotated[float, typer.Option(help="Steering amplitude [deg]; negative mirrors the maneuver.")] = 30.0,
-    wheel_speed: Annotated[float, typer.Option(help="Final wheel speed [rad/s].")] = 10.0,
-    soil: Annotated[str, typer.Option(help="A published soil; `exumob soils` lists them.")] = "LETE sand",
+def lane_change_command(  # one argument an option of the command line
+    depth_ratio: Annotated[float, option(RUN, "Water depth over tyre diameter [-]; 0 is dry ground.")] = 0.6,
+    current: Annotated[float, option(RUN, "Speed of the current [m/s], against the vehicle.")] = 1.0,
+    soil: SoilName = SOIL,
+    vehicle: VehicleFile = None,
+    current_direction: CurrentDirection = 180.0,
     hydrodynamics: Annotated[
-        WaterModel | None,
-        typer.Option(help="Water model; default: networks where they fit the vehicle, else coefficients."),
-    ] = None,
+        WaterModel,
+        option(
+            WATER,
+            "Model of the water's loads. auto: networks where they fit the vehicle, else coefficients; cfd: the flow "
+            "solver in the loop (half an hour).",
+        ),
+    ] = WaterModel.auto,
     networks: Annotated[
         list[Path] | None,
-        typer.Option(help="networks: a file of `exumob train`; several are an ensemble. Default: the shipped ones."),
+        option(
+            WATER, "File of networks that `exumob train` wrote; several are an ensemble. Default: the shipped ones."
+        ),
     ] = None,
-    vehicle: Annotated[
-        Path | None, typer.Option(help="Vehicle file (Python); default: the paper's 57 kg amphibious vehicle.")
-    ] = None,
-    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 8.0,
-    micro_step: Annotated[float, typer.Option(help="Step of the multibody solver [s].")] = 1e-4,
-    macro_step: Annotated[float, typer.Option(help="Interval at which the water's loads are renewed [s].")] = 1e-3,
-    cell_size: Annotated[float, typer.Option(help="cfd: of the grid round the vehicle [m].")] = 0.0115,
-    coarse: Annotated[bool, typer.Option("--coarse", help="cfd: accept cells too coarse for gaps and wheels.")] = False,
-    coupling: Annotated[Scheme, typer.Option(help="cfd: how vehicle and flow agree.")] = Scheme.semi_implicit,
-    threads: Annotated[int, typer.Option(help="cfd: threads of the flow solver.")] = 1,
+    members: Annotated[
+        bool, option(WATER, "Drive with each network alone, too: error bars on the path.", "--members")
+    ] = False,
+    output: Output = None,
+    figure: Figure = None,
+    animate: Animation = None,
     checkpoint: Annotated[
-        Path | None, typer.Option(help="Keep the whole run in this file, every half second of simulated time.")
+        Path | None, option(OUTPUT, "Keep the whole run in this file (.npz), every half second of simulated time.")
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on from the checkpoint, if there is one, with the same bits.")
+        bool, option(OUTPUT, "Go on from the checkpoint, if there is one, with the same bits.", "--resume")
     ] = False,
-    members: Annotated[
-        bool, typer.Option("--members", help="Drive with each network alone, too: error bars on the path.")
-    ] = False,
-    output: Annotated[Path | None, typer.Option(help="Write the result here (netCDF).")] = None,
-    figure: Annotated[Path | None, typer.Option(help="Draw the run here (.png, .pdf, .svg).")] = None,
-    animate: Annotated[Path | None, typer.Option(help="Animate the run here (.gif or .mp4).")] = None,
+    steering: Annotated[float, option(EXPERT, "Steering amplitude [deg]; a negative one mirrors the maneuver.")] = 30.0,
+    wheel_speed: Annotated[float, option(EXPERT, "Final wheel speed [rad/s].")] = 10.0,
+    duration: Duration = DURATION,
+    setting: SettingOption = SettingName.fast,
+    micro_step: MicroStep = None,
+    macro_step: MacroStep = None,
+    cell_size: CellSize = 0.0115,
+    coarse: Coarse = False,
+    coupling: Annotated[
+        Scheme, option(EXPERT, "Scheme by which vehicle and flow agree within a macro step (cfd).")
+    ] = Scheme.semi_implicit,
+    threads: Threads = 1,
 ) -> None:
     """Drive the single lane change of the paper through water on soft soil.
 
@@ -92,62 +123,52 @@ def lane_change_command(
     With the flow solver in the loop: exumob lane-change --hydrodynamics cfd --cell-size 0.018 --coarse --checkpoint
     run.npz --output run.nc; when it was stopped, the same with --resume.
     """
-    from exumob.coupling.flow_code import BuiltInFlow
-    from exumob.coupling.flow_in_loop import CfdHydrodynamics, development_span
-    from exumob.coupling.schemes import Coupling, Explicit, SemiImplicit, Strong
     from exumob.driving.maneuver import lane_change
     from exumob.ground.soil import Soil
     from exumob.simulation.ensemble import add_members
     from exumob.simulation.run import simulate
+    from exumob.simulation.water_models import hydrodynamics_named
     from exumob.surrogates.model import SurrogateHydrodynamics
-    from exumob.water.coefficients import CoefficientHydrodynamics
     from exumob.water.conditions import Water
-    from exumob.water.hydrodynamics import NoWater
 
     targets = {"--output": output, "--figure": figure, "--animate": animate}
+    progress: list[Callable[[float], None]] = []
+    scheme: Coupling | None = None
+    lead = 0.0
+    model: Hydrodynamics
     try:
         check_targets(targets)
         if (figure or animate) and duration < 0.1:
             raise ValueError(f"--duration {duration} s is too short to draw; give at least 0.1 s, or no --figure.")
         car = vehicle_of(vehicle)
-        wet = depth_ratio != 0.0
         water = None
-        if wet:
+        if depth_ratio != 0.0:
             direction = math.radians(current_direction)
             water = Water.at_ratio(depth_ratio, current, tyre_diameter=car.wheel.diameter, current_direction=direction)
-        model: Hydrodynamics = NoWater()
-        scheme: Coupling | None = None
-        lead = 0.0
-        told: list[Callable[[float], None]] = []
-        if water is not None and hydrodynamics in (WaterModel.networks, None):
-            model = _networks(networks, car, required=hydrodynamics is not None or bool(networks))
-        elif water is not None and hydrodynamics is WaterModel.coefficients:
-            model = CoefficientHydrodynamics()
-        elif water is not None and hydrodynamics is WaterModel.cfd:
-            from exumob.flow import FlowSettings
-
-            flow = BuiltInFlow(
-                cell_size, settings=FlowSettings(threads=threads), allow_coarse=coarse,
-                snapshots=0.05 if animate else None,
-            )  # fmt: skip
-            model = developed = CfdHydrodynamics(flow, progress=lambda time: told[0](time))
-            lead = development_span(developed.development, water)
-            scheme = {"explicit": Explicit, "semi-implicit": SemiImplicit, "strong": Strong}[coupling.value]()
-        if networks and hydrodynamics not in (WaterModel.networks, None):
+        if networks and hydrodynamics not in (WaterModel.networks, WaterModel.auto):
             raise ValueError(f"--networks means nothing with --hydrodynamics {hydrodynamics.value}; leave one out.")
+        if water is not None and hydrodynamics is WaterModel.cfd:
+            grid = FlowOptions(cell_size, coarse, threads, snapshots=0.05 if animate else None)
+            model, lead = _flow_in_loop(grid, water, lambda time: progress[0](time))
+            scheme = _scheme(coupling)
+        else:
+            name = "none" if hydrodynamics is WaterModel.cfd else hydrodynamics.value
+            model = hydrodynamics_named(name, car, water, networks=networks)
         if members and (not isinstance(model, SurrogateHydrodynamics) or len(model.networks) < 2):
             raise ValueError("--members needs networks of two seeds at least as the water; leave it out.")
         maneuver = lane_change(math.radians(steering), wheel_speed)
         ground = Soil.published(soil)
     except (ValueError, OSError, ImportError) as error:
         fail(error)
-
+    steps: dict[str, Any] = {
+        "duration": duration, "setting": setting.value, "micro_step": micro_step, "macro_step": macro_step
+    }  # fmt: skip
     with simulated_time_bar(duration, "settling", "driving", lead) as advance:
-        told.append(advance)
+        progress.append(advance)
         result, code = whatever_was_computed(
             lambda: simulate(
-                car, ground, water, maneuver, model, duration=duration, micro_step=micro_step, macro_step=macro_step,
-                coupling=scheme, checkpoint=checkpoint, resume=resume, progress=advance,
+                car, ground, water, maneuver, model, **steps, coupling=scheme, checkpoint=checkpoint, resume=resume,
+                progress=advance,
             ),
             output,
         )  # fmt: skip
@@ -155,50 +176,59 @@ def lane_change_command(
         assert isinstance(model, SurrogateHydrodynamics)
         try:
             with simulated_time_bar(duration, "settling", "members") as advance:
-                result = add_members(
-                    result, car, ground, water, maneuver, model, duration=duration, micro_step=micro_step,
-                    macro_step=macro_step, progress=advance,
-                )  # fmt: skip
+                result = add_members(result, car, ground, water, maneuver, model, progress=advance, **steps)
         except KeyboardInterrupt:
             errors.print("[yellow]Stopped among the members[/yellow]; the run itself follows.", highlight=False)
             code = 130
     if code and checkpoint is not None and checkpoint.exists():
         errors.print(f"{checkpoint} holds the run: the same command with --resume goes on.", highlight=False)
-    _report(result, targets)
+    _report(result, targets, setting.value if micro_step is None and macro_step is None else None)
     raise typer.Exit(code)
 
 
-def _networks(files: list[Path] | None, car: Vehicle, required: bool) -> Hydrodynamics:
-    """Networks, or the coefficient model where none fit the vehicle and nobody asked for them."""
-    from exumob.surrogates.model import SurrogateHydrodynamics
-    from exumob.water.coefficients import CoefficientHydrodynamics
+@dataclass(frozen=True)
+class FlowOptions:
+    """Options of the flow solver in the loop."""
 
-    try:
-        model = SurrogateHydrodynamics(files or None)
-        for network in model.networks:
-            network.check_vehicle(car)
-    except ValueError as error:
-        if required:
-            raise
-        errors.print(f"[yellow]coefficient model of the water:[/yellow] {error}", highlight=False, soft_wrap=True)
-        return CoefficientHydrodynamics()
-    return model
+    cell_size: float
+    coarse: bool
+    threads: int
+    snapshots: float | None
 
 
-def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
+def _flow_in_loop(grid: FlowOptions, water: Water, progress: Callable[[float], None]) -> tuple[CfdHydrodynamics, float]:
+    """Make the flow solver in the loop; the time before the release [s] comes with it."""
+    from exumob.coupling.flow_code import BuiltInFlow
+    from exumob.coupling.flow_in_loop import CfdHydrodynamics, development_span
+    from exumob.flow import FlowSettings
+
+    flow = BuiltInFlow(
+        grid.cell_size, settings=FlowSettings(threads=grid.threads), allow_coarse=grid.coarse, snapshots=grid.snapshots
+    )
+    model = CfdHydrodynamics(flow, progress=progress)
+    return model, development_span(model.development, water)
+
+
+def _scheme(name: Scheme) -> Coupling:
+    from exumob.coupling.schemes import Explicit, SemiImplicit, Strong
+
+    return {Scheme.explicit: Explicit, Scheme.semi_implicit: SemiImplicit, Scheme.strong: Strong}[name]()
+
+
+def _report(result: xr.Dataset, targets: dict[str, Path | None], setting: str | None) -> None:
     from exumob.simulation.animation import animate_run
     from exumob.simulation.plotting import plot_run
     from exumob.simulation.summary import summary
 
     if result.sizes["time"] > 1:
-        _print_summary(result, summary(result))
+        _print_summary(result, summary(result), setting)
     animate: Callable[[xr.Dataset, Path], None] = animate_run
     if "hydrodynamics_elevation" in result:
         from exumob.flow.output.pictures import animate_surface as animate
     write_result(result, targets, plot_run, animate)
 
 
-def _print_summary(result: xr.Dataset, figures: dict[str, float]) -> None:
+def _print_summary(result: xr.Dataset, figures: dict[str, float], setting: str | None) -> None:
     from exumob.simulation.plotting import scenario_name
 
     lines = {
@@ -211,6 +241,7 @@ def _print_summary(result: xr.Dataset, figures: dict[str, float]) -> None:
         "slip": f"{100 * figures['mean_slip']:.1f} % (mean of the wheels, second half)",
         "buoyed weight": f"{100 * figures['buoyed_share']:.1f} % carried by the water (mean)",
         "driving energy": f"{figures['spin_energy']:.1f} J",
+        **({} if setting is None else {"setting": f"{setting}: {SETTINGS[setting].error}"}),
         **_range_lines(figures),
         **_member_lines(figures),
         "wall time": f"{figures['wall_time']:.2f} s, and {float(result.attrs['settling_wall_time']):.2f} s to settle",
@@ -221,7 +252,7 @@ def _print_summary(result: xr.Dataset, figures: dict[str, float]) -> None:
 
 
 def _range_lines(figures: dict[str, float]) -> dict[str, str]:
-    """What networks say of their own limits."""
+    """Say how long the vehicle was outside the networks' training range."""
     if "out_of_range_share" not in figures:
         return {}
     return {
@@ -231,7 +262,7 @@ def _range_lines(figures: dict[str, float]) -> dict[str, str]:
 
 
 def _member_lines(figures: dict[str, float]) -> dict[str, str]:
-    """How far the networks' own runs end from each other."""
+    """Say how far the runs of the single networks end from each other."""
     if "forward_spread" not in figures:
         return {}
     return {

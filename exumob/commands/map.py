@@ -8,35 +8,48 @@ from typing import Annotated
 
 import typer
 
+from exumob.commands.options import (
+    EXPERT,
+    OUTPUT,
+    RUN,
+    WATER,
+    CurrentDirection,
+    Seed,
+    SettingName,
+    SettingOption,
+    VehicleFile,
+    Workers,
+    option,
+)
 from exumob.commands.shared import check_targets, console, counting_bar, errors, fail
+from exumob.simulation.settings import SOIL
 
 
-def map_command(
-    depth: Annotated[str, typer.Option(help="Depth over tyre diameter, from:to.")] = "0.36:0.64",
-    current: Annotated[str, typer.Option(help="Speed of the head current [m/s], from:to.")] = "0:1.2",
-    current_direction: Annotated[
-        float, typer.Option(help="Where the flow goes, from the heading, to the left [deg].")
-    ] = 180.0,
+def map_command(  # one argument an option of the command line
+    depth: Annotated[str, option(RUN, "Depth over tyre diameter, from:to.")] = "0.36:0.64",
+    current: Annotated[str, option(RUN, "Speed of the head current [m/s], from:to.")] = "0:1.2",
     soil: Annotated[
-        list[str] | None, typer.Option(help="A published soil; repeatable: maps side by side. Default: LETE sand.")
+        list[str] | None, option(RUN, f"A published soil; repeatable: maps side by side. Default: {SOIL}.")
     ] = None,
-    vehicle: Annotated[
-        Path | None, typer.Option(help="Vehicle file (Python); default: the paper's 57 kg amphibious vehicle.")
-    ] = None,
-    hydrodynamics: Annotated[str, typer.Option(help="networks or coefficients.")] = "networks",
-    width: Annotated[float, typer.Option(help="Of the water to cross [m].")] = 12.0,
-    time: Annotated[float, typer.Option(help="In which it must be crossed [s].")] = 20.0,
-    drift: Annotated[float, typer.Option(help="Largest drift to either side over the width [m].")] = 1.0,
-    cells: Annotated[int, typer.Option(help="Cells of the first level along each axis.")] = 4,
-    levels: Annotated[int, typer.Option(help="Times that the border between go and no-go is refined.")] = 1,
+    vehicle: VehicleFile = None,
     draws: Annotated[
-        int, typer.Option(help="Runs at a node, over scatter of soil and water and the networks; 1: no scatter.")
+        int, option(RUN, "Runs at a node, over scatter of soil and water and the networks; 1: no scatter.")
     ] = 10,
-    seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
-    workers: Annotated[int, typer.Option(help="Processes.")] = 2,
-    output: Annotated[Path, typer.Option(help="Folder of the map; the same command goes on with it.")] = Path("map"),
-    figure: Annotated[Path | None, typer.Option(help="Draw the map here (.png, .pdf, .svg).")] = None,
-    csv: Annotated[Path | None, typer.Option(help="Write the nodes here as a table (.csv).")] = None,
+    width: Annotated[float, option(WATER, "Width of the water to cross [m].")] = 12.0,
+    time: Annotated[float, option(WATER, "Time in which it must be crossed [s].")] = 20.0,
+    drift: Annotated[float, option(WATER, "Largest drift to either side over the width [m].")] = 1.0,
+    current_direction: CurrentDirection = 180.0,
+    hydrodynamics: Annotated[
+        str, option(WATER, "Model of the water's loads: auto, networks or coefficients.")
+    ] = "auto",
+    output: Annotated[Path, option(OUTPUT, "Folder of the map; the same command goes on with it.")] = Path("map"),
+    figure: Annotated[Path | None, option(RUN, "Draw the map here (.png, .pdf, .svg).")] = None,
+    csv: Annotated[Path | None, option(OUTPUT, "Write the nodes here as a table (.csv).")] = None,
+    workers: Workers = 2,
+    setting: SettingOption = SettingName.fast,
+    cells: Annotated[int, option(EXPERT, "Cells of the first level along each axis.")] = 4,
+    levels: Annotated[int, option(EXPERT, "Times that the border between go and no-go is refined.")] = 1,
+    seed: Seed = 0,
 ) -> None:
     """Map where the vehicle can cross, with the chance that it does, over depth, current and soil.
 
@@ -55,7 +68,7 @@ def map_command(
 
     try:
         check_targets({"--figure": figure, "--csv": csv})
-        experiment = replace(amphibious_crossing(), duration=4.0, micro_step=1e-3, hydrodynamics=hydrodynamics)
+        experiment = replace(amphibious_crossing(), duration=4.0, setting=setting.value, hydrodynamics=hydrodynamics)
         if vehicle is not None:
             experiment = replace(experiment, vehicle=load_vehicle(vehicle))
         experiment = experiment.with_values({"water.current_direction": math.radians(current_direction)})
@@ -64,15 +77,15 @@ def map_command(
             Crossing(experiment, Limits(width=width, time=time, drift=drift, window=1.5)),
             Axis("water.current_speed", *_span("--current", current), cells),
             Axis("water.depth_ratio", *_span("--depth", depth), cells),
-            {name: {"soil": name} for name in soil or ["LETE sand"]},
+            {name: {"soil": name} for name in soil or [SOIL]},
             scatter=SCATTER if draws > 1 else {}, draws=draws, levels=levels, seed=seed,
         )  # fmt: skip
         with counting_bar("map", 1, "runs") as (bar, task):
 
-            def told(level: str, reached: Progress) -> None:
+            def reached_so_far(level: str, reached: Progress) -> None:
                 bar.update(task, description=level, completed=reached.done, total=reached.total)
 
-            result = compute_map(wanted, output, workers=workers, progress=told)
+            result = compute_map(wanted, output, workers=workers, progress=reached_so_far)
     except (ValueError, RuntimeError, OSError) as error:
         fail(error)
     except KeyboardInterrupt:

@@ -7,34 +7,45 @@ from typing import Annotated
 
 import typer
 
+from exumob.commands.options import (
+    EXPERT,
+    OUTPUT,
+    RUN,
+    Seed,
+    SettingName,
+    SettingOption,
+    VehicleFile,
+    Workers,
+    option,
+)
 from exumob.commands.shared import console, counting_bar, errors, fail
 
 
-def sweep_command(
-    study: Annotated[Path | None, typer.Argument(help="Study file (.toml); see exumob/sweeps/study.py.")] = None,
+def sweep_command(  # one argument an option of the command line
+    study: Annotated[
+        Path | None,
+        typer.Argument(help="Study file (.toml), in place of the options below; see exumob/sweeps/study.py."),
+    ] = None,
     vary: Annotated[
         list[str] | None,
-        typer.Option(help="name=0,0.5,1 or name=0:1:5 or name~normal(1300,200); repeatable: a full grid."),
+        option(RUN, "name=0,0.5,1 or name=0:1:5 or name~normal(1300,200); repeatable: a full grid."),
     ] = None,
-    setting: Annotated[
-        list[str] | None, typer.Option("--set", help="name=value for all cases, such as water.depth_ratio=0.5.")
+    fixed: Annotated[
+        list[str] | None, option(RUN, "name=value for all cases, such as water.depth_ratio=0.5; repeatable.", "--set")
     ] = None,
-    samples: Annotated[int, typer.Option(help="Draws, if some --vary is a distribution.")] = 64,
-    seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
-    vehicle: Annotated[
-        Path | None, typer.Option(help="Vehicle file (Python); default: the paper's 57 kg amphibious vehicle.")
-    ] = None,
-    output: Annotated[Path, typer.Option(help="Folder of the sweep; the same command goes on with it.")] = Path(
-        "sweep"
-    ),
-    workers: Annotated[int, typer.Option(help="Processes.")] = 2,
-    time_limit: Annotated[float | None, typer.Option(help="Of one case [s]. Default: none.")] = None,
-    keep_runs: Annotated[bool, typer.Option("--keep-runs", help="Keep the whole result of every case.")] = False,
+    samples: Annotated[int, option(RUN, "Number of draws, if some --vary is a distribution.")] = 64,
+    vehicle: VehicleFile = None,
+    output: Annotated[Path, option(OUTPUT, "Folder of the sweep; the same command goes on with it.")] = Path("sweep"),
+    keep_runs: Annotated[bool, option(OUTPUT, "Keep the whole result of every case.", "--keep-runs")] = False,
+    workers: Workers = 2,
+    setting: SettingOption = SettingName.fast,
+    seed: Seed = 0,
+    time_limit: Annotated[float | None, option(EXPERT, "Time limit of one case [s]. Default: none.")] = None,
     again: Annotated[
-        list[str] | None, typer.Option(help="Run cases of this status again, such as 'killed'; repeatable.")
+        list[str] | None, option(EXPERT, "Run cases of this status again, such as 'killed'; repeatable.")
     ] = None,
     mpi: Annotated[
-        bool, typer.Option("--mpi", help="Use the ranks of mpiexec -n 4 python -m mpi4py.futures -m exumob sweep ...")
+        bool, option(EXPERT, "Use the ranks of mpiexec -n 4 python -m mpi4py.futures -m exumob sweep ...", "--mpi")
     ] = False,
 ) -> None:
     """Run the lane change for many values of vehicle, soil, water, maneuver and water model.
@@ -48,20 +59,22 @@ def sweep_command(
     from exumob.sweeps.study import from_options, read_study
 
     try:
-        if study is not None and (vary or setting or vehicle):
+        if study is not None and (vary or fixed or vehicle):
             raise ValueError("give a study file, or --vary, --set and --vehicle; not both.")
         if study is not None:
             experiment, cases = read_study(study)
         else:
-            experiment, cases = from_options(vehicle, setting or [], vary or [], samples, seed)
+            experiment, cases = from_options(
+                vehicle, [f"setting={setting.value}", *(fixed or [])], vary or [], samples, seed
+            )
         with counting_bar("sweep", len(cases), "cases") as (bar, task):
 
-            def told(reached: Progress) -> None:
+            def reached_so_far(reached: Progress) -> None:
                 bar.update(task, completed=reached.done)
 
             result = sweep(
                 experiment, cases, output, workers=workers, time_limit=time_limit, keep_runs=keep_runs,
-                again=again or [], mpi=mpi, progress=told,
+                again=again or [], mpi=mpi, progress=reached_so_far,
             )  # fmt: skip
     except (ValueError, RuntimeError, OSError) as error:
         fail(error)

@@ -7,20 +7,19 @@ from typing import Annotated
 
 import typer
 
+from exumob.commands.options import EXPERT, OUTPUT, RUN, VehicleFile, option
 from exumob.commands.shared import console, counting_bar, errors, fail, vehicle_of
 
 
 def train_command(
-    preset: Annotated[list[str] | None, typer.Option(help="What to train, by name; repeatable. Default: all.")] = None,
-    data: Annotated[Path, typer.Option(help="Folder of CFD-MBD runs (packed or imported, netCDF).")] = Path(
-        "data/cfd_mbd"
-    ),
-    seeds: Annotated[int, typer.Option(help="Networks of each body: seeds 0, 1, ...")] = 5,
-    output: Annotated[Path, typer.Option(help="Folder for the networks.")] = Path("networks"),
-    vehicle: Annotated[
-        Path | None, typer.Option(help="Vehicle file of the runs; default: the paper's 57 kg amphibious vehicle.")
+    preset: Annotated[
+        list[str] | None, option(RUN, "What to train, by name; repeatable. Default: all presets.")
     ] = None,
-    jobs: Annotated[int, typer.Option(help="Processes, one thread each.")] = 2,
+    data: Annotated[Path, option(RUN, "Folder of CFD-MBD runs (packed or imported, netCDF).")] = Path("data/cfd_mbd"),
+    seeds: Annotated[int, option(RUN, "Number of networks of each body: seeds 0, 1, ...")] = 5,
+    vehicle: VehicleFile = None,
+    output: Annotated[Path, option(OUTPUT, "Folder for the networks.")] = Path("networks"),
+    jobs: Annotated[int, option(EXPERT, "Processes that run side by side, one thread each.")] = 2,
 ) -> None:
     """Train networks for the water's loads from runs with the flow in the loop.
 
@@ -48,14 +47,16 @@ def train_command(
 
     with counting_bar("training", 5 * seeds * len(wanted), "networks") as (bar, task):
 
-        def told(step: Progress) -> None:
+        def after_epoch(step: Progress) -> None:
             name = f"{step.preset}, seed {step.seed}, {step.body}"
             bar.update(task, description=f"{name}: epoch {step.epoch}, {step.loss:.4f}", advance=1 if step.done else 0)
             if step.done:
                 console.print(f"{name}: {step.epoch} epochs, held-back error {step.loss:.4f}", highlight=False)
 
         try:
-            files = train([PRESETS[n] for n in wanted], runs, car, output, seeds=range(seeds), jobs=jobs, told=told)
+            files = train(
+                [PRESETS[n] for n in wanted], runs, car, output, seeds=range(seeds), jobs=jobs, told=after_epoch
+            )
         except (ValueError, RuntimeError) as error:
             fail(error)
         except KeyboardInterrupt:

@@ -16,10 +16,11 @@ from exumob.ground.terrain import Terrain
 from exumob.multibody.system import SETTLING_STEP, MultibodyVehicle
 from exumob.simulation.checkpoint import Checkpoints, Fingerprint
 from exumob.simulation.checks import check_described, check_maneuver, check_steps
-from exumob.simulation.defaults import DEFAULT_SETTING, DURATION, RECORD_STEP, hydrodynamics_named, setting_named
 from exumob.simulation.description import RunDescription, Steps
 from exumob.simulation.results import build_dataset
+from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, setting_named
 from exumob.simulation.stop_request import StopRequest
+from exumob.simulation.water_models import DEFAULT_MODEL, hydrodynamics_named
 from exumob.support.arrays import Array
 from exumob.support.errors import SimulationError, SimulationInterrupted
 from exumob.vehicle.motion import BodyStates
@@ -35,7 +36,7 @@ def simulate(
     soil: Soil,
     water: Water | None = None,
     maneuver: Maneuver | None = None,
-    hydrodynamics: Hydrodynamics | str = "auto",
+    hydrodynamics: Hydrodynamics | str = DEFAULT_MODEL,
     *,
     duration: float = DURATION,
     setting: str = DEFAULT_SETTING,
@@ -59,13 +60,13 @@ def simulate(
     maneuver : Maneuver, optional
         Default: the paper's lane change.
     hydrodynamics : Hydrodynamics or str
-        The model of the water's loads, or its name (`exumob.simulation.defaults.hydrodynamics_named`). The default
+        The model of the water's loads, or its name (`exumob.simulation.water_models.hydrodynamics_named`). The default
         ``"auto"`` takes the networks that come with exumob where they fit the vehicle, and the published coefficients
         elsewhere, with a warning; on dry ground there is none.
     duration : float
         Simulated time [s].
     setting : str
-        The steps by name, ``"fast"`` or ``"fine"``: `exumob.simulation.defaults.SETTINGS` states them and their error.
+        The steps by name, ``"fast"`` or ``"fine"``: `exumob.simulation.settings.SETTINGS` states them and their error.
     micro_step : float, optional
         Step of the multibody solver [s]; 1 ms must be a whole multiple of it. Default: that of the setting.
     macro_step : float, optional
@@ -103,7 +104,8 @@ def simulate(
     terrain = terrain or Terrain()
     if isinstance(hydrodynamics, str):
         hydrodynamics = hydrodynamics_named(hydrodynamics, vehicle, water)
-    usual_micro_step, usual_macro_step = setting_named(setting).steps(hydrodynamics)
+    in_loop = isinstance(hydrodynamics, DevelopedHydrodynamics)
+    usual_micro_step, usual_macro_step = setting_named(setting).steps(in_loop)
     steps = Steps(
         duration,
         usual_micro_step if micro_step is None else micro_step,
@@ -117,7 +119,6 @@ def simulate(
             "terrain."
         )
     check_maneuver(vehicle, maneuver, duration)
-    in_loop = isinstance(hydrodynamics, DevelopedHydrodynamics)
     run = RunDescription(
         vehicle, soil, water, terrain, maneuver, hydrodynamics,
         coupling or (SemiImplicit() if in_loop else Explicit()), steps,

@@ -14,15 +14,15 @@ from exumob.driving.maneuver import ConstantSteer, LaneChange, Maneuver, lane_ch
 from exumob.driving.path_following import PathFollowing
 from exumob.ground.soil import Soil
 from exumob.simulation.run import simulate
+from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, setting_named
+from exumob.simulation.water_models import DEFAULT_MODEL, MODELS, hydrodynamics_named
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.vehicle.parameters import Vehicle
-from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
+from exumob.water.coefficients import Coefficients
 from exumob.water.conditions import Water
-from exumob.water.hydrodynamics import Hydrodynamics, NoWater
+from exumob.water.hydrodynamics import Hydrodynamics
 
 T = TypeVar("T")
-MODELS = ("networks", "coefficients", "none")
-"""Values of ``hydrodynamics``."""
 MANEUVERS: dict[str, Maneuver] = {
     "lane change": LaneChange(), "straight": ConstantSteer(), "path following": PathFollowing(),
 }  # fmt: skip
@@ -45,23 +45,26 @@ class Experiment:
     soil: Soil
     water: Water | None = None
     maneuver: Maneuver = field(default_factory=lane_change)
-    hydrodynamics: str = "networks"
-    """One of `MODELS`"""
+    hydrodynamics: str = DEFAULT_MODEL
+    """One of `exumob.simulation.water_models.MODELS`"""
     member: int | None = None
     """The network that acts alone; None: the whole ensemble"""
     coefficients: Coefficients = field(default_factory=Coefficients)
-    duration: float = 8.0
+    duration: float = DURATION
     """[s]"""
-    micro_step: float = 5e-4
-    """[s]"""
-    macro_step: float = 20e-3
-    """[s]"""
-    record_step: float = 20e-3
+    setting: str = DEFAULT_SETTING
+    """One of `exumob.simulation.settings.SETTINGS`: the steps where they are not given"""
+    micro_step: float | None = None
+    """[s]; None: by the setting"""
+    macro_step: float | None = None
+    """[s]; None: by the setting"""
+    record_step: float = RECORD_STEP
     """[s]"""
 
     def __post_init__(self) -> None:
         if self.hydrodynamics not in MODELS:
             raise ValueError(f"hydrodynamics = {self.hydrodynamics!r} is not known; use {', '.join(MODELS)}.")
+        setting_named(self.setting)
 
     def names(self) -> list[str]:
         """Everything that can be varied, by dotted name."""
@@ -70,7 +73,7 @@ class Experiment:
         if is_dataclass(self.maneuver):
             found += ["maneuver", *(f"maneuver.{n}" for n in _leaves(self.maneuver))]
         return [
-            *found, "hydrodynamics", "hydrodynamics.member",
+            *found, "hydrodynamics", "hydrodynamics.member", "setting",
             *(f"hydrodynamics.{f.name}" for f in fields(Coefficients)), *STEPS,
         ]  # fmt: skip
 
@@ -94,7 +97,9 @@ class Experiment:
         owner, _, rest = name.partition(".")
         if name == "water.depth_ratio":
             return 0.0 if self.water is None else self.water.depth / self.vehicle.wheel.diameter
-        if name in ("soil", "maneuver", "hydrodynamics", *STEPS):
+        if name in ("micro_step", "macro_step") and getattr(self, name) is None:
+            return getattr(setting_named(self.setting), name)
+        if name in ("soil", "maneuver", "hydrodynamics", "setting", *STEPS):
             return getattr(self, name)
         if name == "hydrodynamics.member":
             return self.member
@@ -126,8 +131,8 @@ class Experiment:
             return replace(self, soil=value if isinstance(value, Soil) else Soil.published(value))
         if name == "maneuver":
             return replace(self, maneuver=maneuver_named(value) if isinstance(value, str) else value)
-        if name == "hydrodynamics":
-            return replace(self, hydrodynamics=value)
+        if name in ("hydrodynamics", "setting"):
+            return replace(self, **{name: value})
         if name == "hydrodynamics.member":
             return replace(self, member=None if value is None else int(value))
         if owner == "hydrodynamics":
@@ -148,17 +153,13 @@ class Experiment:
         return self.water or Water(0.5 * self.vehicle.wheel.diameter)
 
     def water_model(self) -> Hydrodynamics:
-        """The model of the water, new."""
-        if self.water is None or self.hydrodynamics == "none":
-            return NoWater()
-        if self.hydrodynamics == "coefficients":
-            return CoefficientHydrodynamics(self.coefficients)
-        ensemble = SurrogateHydrodynamics()
-        if self.member is None:
-            return ensemble
-        if not 0 <= self.member < len(ensemble.networks):
-            raise ValueError(f"hydrodynamics.member = {self.member}: there are {len(ensemble.networks)}, from 0 on.")
-        return SurrogateHydrodynamics(ensemble.networks[self.member])
+        """Make the model of the water's loads anew."""
+        model = hydrodynamics_named(self.hydrodynamics, self.vehicle, self.water, coefficients=self.coefficients)
+        if self.member is None or not isinstance(model, SurrogateHydrodynamics):
+            return model
+        if not 0 <= self.member < len(model.networks):
+            raise ValueError(f"hydrodynamics.member = {self.member}: there are {len(model.networks)}, from 0 on.")
+        return SurrogateHydrodynamics(model.networks[self.member])
 
     def member_count(self) -> int:
         """Networks in the ensemble that is the water."""
@@ -166,7 +167,7 @@ class Experiment:
 
     def network_digests(self) -> str:
         """Of the networks that are the water, as text; empty if none are."""
-        if self.hydrodynamics != "networks":
+        if self.hydrodynamics not in ("auto", "networks"):
             return ""
         return " ".join(network.digest() for network in SurrogateHydrodynamics().networks)
 
@@ -180,7 +181,7 @@ class Experiment:
         """Simulate; see `exumob.simulate`."""
         return simulate(
             self.vehicle, self.soil, self.water, self.maneuver, self.water_model(), duration=self.duration,
-            micro_step=self.micro_step, macro_step=self.macro_step, record_step=self.record_step,
+            setting=self.setting, micro_step=self.micro_step, macro_step=self.macro_step, record_step=self.record_step,
         )  # fmt: skip
 
     def __call__(self, values: Mapping[str, Any]) -> xr.Dataset:

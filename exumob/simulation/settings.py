@@ -1,0 +1,58 @@
+"""The defaults of a run: duration, soil, and the steps by name.
+
+The command line, `exumob.simulate`, sweeps and maps all take them from here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+DURATION = 8.0
+"""Simulated time of a run [s]: that of the paper's lane change."""
+RECORD_STEP = 1.0e-2
+"""Interval between the instants of a result [s]."""
+SOIL = "LETE sand"
+"""The published soil of a run that names none."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Steps of a run, by name, with what they cost in accuracy."""
+
+    name: str
+    micro_step: float
+    """Step of the multibody solver [s]."""
+    macro_step: float
+    """Interval at which the loads of the water are renewed [s], for models that answer at once."""
+    flow_macro_step: float
+    """The same with a flow solver in the loop [s]: its loads change faster than 20 ms can follow."""
+    error: str
+    """How far a run with these steps ends from one with the finest, as measured."""
+
+    def steps(self, flow_in_loop: bool) -> tuple[float, float]:
+        """Return micro step and macro step [s], with or without a flow solver in the loop."""
+        return self.micro_step, self.flow_macro_step if flow_in_loop else self.macro_step
+
+
+SETTINGS = {
+    "fast": Setting(
+        "fast", 5.0e-4, 20.0e-3, 2.0e-3,
+        "@ERROR@",
+    ),
+    "fine": Setting("fine", 1.0e-4, 1.0e-3, 1.0e-3, "the reference: the steps of the paper"),
+}  # fmt: skip
+"""The settings by name. The paper uses both (Sec. 5.3)."""
+DEFAULT_SETTING = "fast"
+
+
+def setting_named(name: str) -> Setting:
+    """Return one of `SETTINGS`.
+
+    Raises
+    ------
+    ValueError
+        If no setting has this name.
+    """
+    if name not in SETTINGS:
+        raise ValueError(f"setting = {name!r} is not known; use {' or '.join(map(repr, SETTINGS))}.")
+    return SETTINGS[name]

@@ -1,0 +1,73 @@
+"""The models of the water's loads by name, the same for the command line, `exumob.simulate`, sweeps and maps."""
+
+from __future__ import annotations
+
+import functools
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+
+from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import NetworkSet
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
+from exumob.water.conditions import Water
+from exumob.water.hydrodynamics import Hydrodynamics, NoWater
+
+logger = logging.getLogger(__name__)
+
+MODELS = ("auto", "networks", "coefficients", "none")
+"""Names of the models; ``"auto"`` takes networks where they fit the vehicle."""
+DEFAULT_MODEL = "auto"
+
+
+def hydrodynamics_named(
+    name: str,
+    vehicle: Vehicle,
+    water: Water | None,
+    *,
+    networks: Sequence[NetworkSet | str | Path] | None = None,
+    coefficients: Coefficients | None = None,
+) -> Hydrodynamics:
+    """Make a model of the water's loads by its name.
+
+    Parameters
+    ----------
+    name : str
+        One of `MODELS`. ``"auto"``: the networks if they were trained for this vehicle, else the published
+        coefficients, and a warning says why; on dry ground `NoWater`.
+    vehicle : Vehicle
+    water : Water or None
+        None: dry ground.
+    networks : sequence of NetworkSet or path, optional
+        Members of the ensemble. Default: the networks that come with exumob.
+    coefficients : Coefficients, optional
+        Of the coefficient model. Default: the published ones.
+
+    Raises
+    ------
+    ValueError
+        If the name is not known, a file holds no networks, or ``"networks"`` were asked for and do not fit.
+    """
+    if name not in MODELS:
+        raise ValueError(f"hydrodynamics = {name!r} is not known; use {', '.join(map(repr, MODELS))}.")
+    if water is None or name == "none":
+        return NoWater()
+    if name == "coefficients":
+        return CoefficientHydrodynamics(coefficients)
+    model = SurrogateHydrodynamics(list(networks) if networks else None)
+    try:
+        for network in model.networks:
+            network.check_vehicle(vehicle)
+    except ValueError as error:
+        if name == "networks" or networks:
+            raise
+        _warn_once(f"{vehicle.name}: the loads of the water come from published coefficients. Reason: {error}")
+        return CoefficientHydrodynamics(coefficients)
+    return model
+
+
+@functools.cache
+def _warn_once(text: str) -> None:
+    """Warn, but not once more for every case of a sweep."""
+    logger.warning("%s", text)
