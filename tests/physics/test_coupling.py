@@ -307,7 +307,7 @@ def test_killed_run_loses_at_most_half_a_second(vehicle, sand, tmp_path):
     program = f"""
 from pathlib import Path
 from exumob import *
-from exumob.maneuver import LaneChange
+from exumob.driving.maneuver import LaneChange
 from vehicle_models.amphibious import amphibious_vehicle
 simulate(amphibious_vehicle(), Soil.published("LETE sand"), Water.at_ratio(0.6, 1.0), {QUICK!r}, duration=1.5,
          micro_step=5e-4, macro_step=5e-3, checkpoint={str(file)!r},
