@@ -4,7 +4,7 @@ quadrature.
 Run: python benchmarks/terramechanics.py
 The kernel is timed as the vehicle uses it (from compiled code), at the default number of nodes and at others; "error"
 is the worst over random states of all published soils, relative to the resultant force (see
-tests/verification/test_terramechanics_quadrature.py).
+tests/physics/test_terramechanics_quadrature.py).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from numba import njit
 from exumob.ground import terramechanics
 from exumob.ground.soil import Soil
 
-VERIFICATION = Path(__file__).parents[1] / "tests" / "verification" / "test_terramechanics_quadrature.py"
+VERIFICATION = Path(__file__).parents[1] / "tests" / "physics" / "test_terramechanics_quadrature.py"
 STATES = {
     "driving": (0.010, 0.80, 0.10, 10.0),
     "braking, shear reverses": (0.020, 1.15, 0.10, 10.0),

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box, cylinder, hull_prism, mesh_solid, sphere
+from exumob.flow import box, cylinder, hull_prism, mesh_solid, sphere
 from exumob.vehicle.parameters import Hull
-from exumob.water.conditions import Water
 from exumob.water.wetted_surface import box_surface
 
 HULL = Hull(
@@ -34,18 +33,3 @@ def test_mesh_of_a_box_is_the_box():
     points = np.random.default_rng(3).uniform(-0.2, 0.2, (200, 3)) * [1.0, 0.7, 0.5]
     exact = box(0.3, 0.2, 0.1).distance(points)
     assert np.abs(mesh.distance(points) - exact).max() < 0.005
-
-
-def test_bad_input_names_the_remedy():
-    grid = Grid.uniform((-0.4, -0.4, 0), (0.4, 0.4, 0.2), 0.02)
-    with pytest.raises(ValueError, match=r"Water.depth.*raise Grid.z_faces"):
-        FlowSolver(grid, (), Water(0.19), FlowSettings(follow=None))
-    solver = FlowSolver(grid, (box(0.2, 0.2, 0.1),), Water(0.1), FlowSettings(follow=None))
-    with pytest.raises(ValueError, match=r"comes within .* widen Grid.x_faces"):
-        solver.start(Poses.at_rest([[0.28, 0.0, 0.1]]))
-    with pytest.raises(ValueError, match="poses for 1 solids"):
-        solver.start(Poses.at_rest(np.zeros((2, 3))))
-    with pytest.raises(ValueError, match="below the bed"):
-        solver.start(Poses.at_rest([[0.0, 0.0, -0.05]]))
-    with pytest.raises(ValueError, match="follow"):
-        FlowSettings(follow=0, far_x=False)

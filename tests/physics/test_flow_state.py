@@ -1,10 +1,11 @@
-"""The state of a run: saved, restored, the same for any number of threads; spray. Measurements: exumob/verification."""
+"""The state of the flow: saved, restored, handed over by a failed step, the same for any number of threads; bad input."""
 
 import numba
 import numpy as np
 import pytest
 
-from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, cylinder
+from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box, cylinder
+from exumob.support.errors import SimulationError
 from exumob.water.conditions import Water
 
 
@@ -72,3 +73,35 @@ def test_spray_beside_a_wheel_gathers_no_speed():
     u, v, _ = solver.velocity
     assert np.abs(u).max() < 1.6
     assert np.abs(v).max() < 1.6
+
+
+def test_flow_that_stops_hands_over_its_state_before_the_failed_step():
+    grid = Grid.uniform((0.0, 0.0, 0.0), (0.4, 0.2, 0.2), 0.02)
+    solver = FlowSolver(grid, (), Water(0.1), FlowSettings(far_x=False, far_y=False, follow=None))
+    solver.start()
+    solver.advance(0.01)
+    before = solver.save()
+    fast = np.zeros((10, 10, 21))
+    fast[4:6, 2:4, 8:12] = np.nan
+    solver.set_flow(velocity=(fast, np.zeros((11, 10, 20)), np.zeros((10, 11, 20))))
+    with pytest.raises(SimulationError, match=r"SimulationError\.state") as caught:
+        solver.advance(0.02)
+    assert caught.value.state["time"] == before["time"]
+    solver.restore(before)
+    assert np.all(np.isfinite(solver.advance(0.02)))
+    assert all(np.all(np.isfinite(q)) for q in solver.velocity)
+
+
+def test_bad_input_names_the_remedy():
+    grid = Grid.uniform((-0.4, -0.4, 0), (0.4, 0.4, 0.2), 0.02)
+    with pytest.raises(ValueError, match=r"Water.depth.*raise Grid.z_faces"):
+        FlowSolver(grid, (), Water(0.19), FlowSettings(follow=None))
+    solver = FlowSolver(grid, (box(0.2, 0.2, 0.1),), Water(0.1), FlowSettings(follow=None))
+    with pytest.raises(ValueError, match=r"comes within .* widen Grid.x_faces"):
+        solver.start(Poses.at_rest([[0.28, 0.0, 0.1]]))
+    with pytest.raises(ValueError, match="poses for 1 solids"):
+        solver.start(Poses.at_rest(np.zeros((2, 3))))
+    with pytest.raises(ValueError, match="below the bed"):
+        solver.start(Poses.at_rest([[0.0, 0.0, -0.05]]))
+    with pytest.raises(ValueError, match="follow"):
+        FlowSettings(follow=0, far_x=False)

@@ -18,7 +18,7 @@ import pytest
 
 from exumob.ground.soil import Soil
 
-DATA = Path(__file__).parent / "data"
+DATA = Path(__file__).parents[1] / "validation" / "data"
 STUDY = Path(__file__).parents[2] / "studies" / "single_wheel.py"
 
 

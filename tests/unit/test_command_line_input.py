@@ -1,0 +1,157 @@
+"""The command line before anything runs: help, tables, bad input."""
+
+import re
+
+import pytest
+from typer.testing import CliRunner
+
+from exumob.__main__ import app
+from exumob.ground.soil import Soil
+
+SHORT = ["--duration", "0.2", "--micro-step", "5e-4", "--macro-step", "20e-3"]
+OPTIONS = {
+    "--depth-ratio": "0.6", "--current": "1.0", "--steering": "30", "--soil": "LETE sand",
+    "--hydrodynamics": "networks where they fit the vehicle, else coefficients",
+    "--vehicle": None, "--duration": "8", "--micro-step": "0.0001", "--macro-step": "0.001", "--output": None,
+    "--networks": None, "--members": None, "--figure": None, "--animate": None, "--cell-size": "0.0115",
+    "--coarse": None, "--coupling": "semi-implicit",
+    "--threads": "1", "--checkpoint": None, "--resume": None,
+}  # fmt: skip
+"""Of the specification, with the defaults it states."""
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments], env={"COLUMNS": "250", "TERM": "dumb"})
+
+
+def plain(text):
+    """Without colours and line breaks."""
+    return " ".join(re.sub(r"\x1b\[[0-9;]*m", "", text).split())
+
+
+def lane_change(*arguments):
+    return call("lane-change", *SHORT, *arguments)
+
+
+# -- help and tables ---------------------------------------------------------------------------------------------------
+
+
+def test_help_names_both_commands():
+    answer = call("--help")
+    assert answer.exit_code == 0
+    assert "lane-change" in answer.output
+    assert "soils" in answer.output
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_help_explains_every_option_with_its_default(option):
+    answer = call("lane-change", "--help")
+    assert answer.exit_code == 0
+    text = " " + plain(answer.output.split("Options:")[1])
+    after = text[text.index(f" {option} ") :].split(" --")[1]
+    assert len(after.split()) > 4, f"{option} is not explained"
+    if OPTIONS[option]:
+        assert re.search(rf"default: {OPTIONS[option]}", after), after
+
+
+def test_soils_lists_all_23():
+    answer = call("soils")
+    assert answer.exit_code == 0
+    lines = answer.output.splitlines()
+    for row in Soil.published_table():
+        (line,) = [text for text in lines if text.strip().startswith(row.name)]
+        assert f"{row.soil.n:g}" in line
+    assert len(Soil.published_table()) == 23
+
+
+def test_soils_states_the_values_of_the_source():
+    (line,) = [text for text in call("soils").output.splitlines() if "LETE sand" in text]
+    assert [float(cell) for cell in line.split()[2:]] == [0.79, 102.0, 5301.0, 1.3, 31.1, 12.0, 0.18, 0.32]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--depth-ratio", "-1"], "depth_ratio"),
+        (["--current", "-1"], "current_speed"),
+        (["--current", "nan"], "current_speed"),
+        (["--steering", "40", "--duration", "4"], r"40\.0 deg.*35\.0 deg"),
+        (["--wheel-speed", "nan"], "speed"),
+        (["--soil", "LETE snad"], "LETE sand"),
+        (["--hydrodynamics", "cfd2"], "hydrodynamics"),
+        (["--vehicle", "absent.py"], r"absent\.py does not exist"),
+        (["--duration", "-1"], "duration"),
+        (["--duration", "nan"], "duration"),
+        (["--micro-step", "3e-4"], "micro_step"),
+        (["--macro-step", "3e-3"], "macro_step"),
+        (["--output", "absent/run.nc"], r"--output absent/run\.nc.*does not exist.*create"),
+        (["--figure", "absent/run.png"], r"--figure absent/run\.png.*does not exist"),
+        (["--animate", "absent/run.gif"], r"--animate absent/run\.gif.*does not exist"),
+        (["--animate", "run.avi"], r"\.avi.*use \.gif or \.mp4"),
+        (["--output", "."], r"folder"),
+        (["--no-such-option"], "no-such-option"),
+        (["--figure", "run.xyz"], r"run\.xyz.*use \.png, \.pdf or \.svg"),
+        (["--duration", "0.02", "--figure", "run.png"], r"--duration 0\.02.*too short to draw"),
+    ],
+    ids=lambda v: " ".join(v) if isinstance(v, list) else "",
+)  # fmt: skip
+def test_bad_input_is_said_with_exit_code_2(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    steps = [a for i in range(0, len(SHORT), 2) if SHORT[i] not in arguments for a in SHORT[i : i + 2]]
+    answer = call("lane-change", *steps, *arguments)
+    assert answer.exit_code == 2, answer.output
+    assert re.search(message, plain(answer.output)), answer.output
+    assert "Traceback" not in answer.output
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "def car():\n    return 1\n",
+        "import dataclasses\nfrom vehicle_models.amphibious import amphibious_vehicle as _base\n"
+        "def car():\n    return dataclasses.replace(_base(), wheelbase=-1.0)\n",
+        "def car(:\n",
+        "import no_such_module_xyz\n",
+    ],
+    ids=["no vehicle", "bad value", "syntax error", "failing import"],
+)  # fmt: skip
+def test_unusable_vehicle_file_is_said_with_exit_code_2(text, tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(text)
+    answer = lane_change("--vehicle", file)
+    assert answer.exit_code == 2
+    assert re.search(r"mine\.py|wheelbase", plain(answer.output))
+
+
+def test_cells_too_coarse_are_said_with_exit_code_2():
+    answer = call("lane-change", "--hydrodynamics", "cfd", "--cell-size", "0.05", "--duration", "0.1")
+    assert answer.exit_code == 2
+    assert "use a cell size of 0.0115 m or less" in plain(answer.output)
+
+
+@pytest.mark.parametrize("model, extra, word", [
+    ("coefficients", ["--networks", "a.safetensors"], "--networks means nothing with --hydrodynamics coefficients"),
+    ("coefficients", ["--members"], "--members needs networks"),
+])  # fmt: skip
+def test_networks_are_asked_for_where_they_act(model, extra, word):
+    answer = lane_change("--hydrodynamics", model, *extra)
+    assert answer.exit_code == 2 and word in plain(answer.output)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (("--depth", "0.4"), "--depth 0.4: write from:to"),
+        (("--current", "1:0"), "low = 1.0 must be below high = 0.0"),
+        (("--soil", "mud"), "no soil is called 'mud'"),
+        (("--hydrodynamics", "magic"), "hydrodynamics = 'magic' is not known"),
+        (("--draws", "0"), "draws = 0"),
+        (("--time", "1000"), "stuck_speed"),
+    ],
+)
+def test_bad_maps_are_refused(tmp_path, options, text):
+    answer = call("map", "--output", tmp_path / "map", *options)
+    assert answer.exit_code == 2
+    assert text in plain(answer.output)
+    assert not (tmp_path / "map").exists()
