@@ -42,15 +42,15 @@ def dry_run(vehicle, sand):
 @pytest.fixture(scope="session")
 def wet_run(vehicle, sand):
     """The whole lane change in D60/U1 with the coefficient model."""
-    return simulate(vehicle, sand, Water.at_ratio(0.6, 1.0), lane_change(), **COARSE)
+    return simulate(vehicle, sand, Water.at_ratio(0.6, 1.0), lane_change(), "coefficients", **COARSE)
 
 
 @pytest.fixture(scope="session")
 def mirrored_wet_run(vehicle, sand):
-    return simulate(vehicle, sand, Water.at_ratio(0.6, 1.0), lane_change(-math.radians(30.0)), **COARSE)
+    return simulate(vehicle, sand, Water.at_ratio(0.6, 1.0), lane_change(-math.radians(30.0)), "coefficients", **COARSE)
 
 
 @pytest.fixture(scope="session")
 def short_run(vehicle, sand):
     """0.2 s in D60/U1, for tests of files and figures that do not need a whole run."""
-    return simulate(vehicle, sand, Water.at_ratio(0.6, 1.0), lane_change(), duration=0.2, **COARSE)
+    return simulate(vehicle, sand, Water.at_ratio(0.6, 1.0), lane_change(), "coefficients", duration=0.2, **COARSE)
