@@ -60,8 +60,9 @@ Output = Annotated[Path | None, option(RUN, "Write the result here (netCDF).")]
 Figure = Annotated[Path | None, option(RUN, "Draw the result here (.png, .pdf, .svg).")]
 Animation = Annotated[Path | None, option(OUTPUT, "Animate the run here (.gif or .mp4).")]
 SettingOption = Annotated[
-    SettingName, option(EXPERT, "Steps by name. fast ends within 0.5 % of fine, which takes three to five times as long.")
-]  # fmt: skip
+    SettingName,
+    option(EXPERT, "Steps by name. fast ends within 0.5 % of fine, which takes three to five times as long."),
+]
 MicroStep = Annotated[float | None, option(EXPERT, "Step of the multibody solver [s]. Default: by the setting.")]
 MacroStep = Annotated[
     float | None, option(EXPERT, "Interval at which the water's loads are renewed [s]. Default: by the setting.")
