@@ -1,15 +1,17 @@
 """What tests share: the vehicle, the soil and two runs of the reference maneuver (about 4 s each, made once)."""
 
-import hashlib
 import math
 import os
-import tempfile
 from pathlib import Path
 
-# Numba does not notice that a kernel of another file has changed: one cache for each state of the sources
-_SOURCES = sorted((Path(__file__).parents[1] / "exumob").rglob("*.py"))
-_STATE = hashlib.sha256(b"".join(path.read_bytes() for path in _SOURCES)).hexdigest()[:16]
-os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(tempfile.gettempdir()) / f"exumob-numba-{_STATE}"))
+import numba_cache
+
+ROOT = Path(__file__).parents[1]
+if (
+    "NUMBA_CACHE_DIR" not in os.environ
+):  # before Numba is imported, which reads it then; processes of the tests inherit it
+    numba_cache.prepare(ROOT / ".numba_cache", ROOT / "exumob")
+    os.environ["NUMBA_CACHE_DIR"] = str(ROOT / ".numba_cache")
 
 import pytest
 
