@@ -2,14 +2,13 @@
 
 import math
 import os
+import signal
 from pathlib import Path
 
 import numba_cache
 
 ROOT = Path(__file__).parents[1]
-if (
-    "NUMBA_CACHE_DIR" not in os.environ
-):  # before Numba is imported, which reads it then; processes of the tests inherit it
+if "NUMBA_CACHE_DIR" not in os.environ:  # Numba reads it when imported; processes that tests start inherit it
     numba_cache.prepare(ROOT / ".numba_cache", ROOT / "exumob")
     os.environ["NUMBA_CACHE_DIR"] = str(ROOT / ".numba_cache")
 
@@ -56,3 +55,14 @@ def mirrored_wet_run(vehicle, sand):
 def short_run(vehicle, sand):
     """0.2 s in D60/U1, for tests of files and figures that do not need a whole run."""
     return simulate(vehicle, sand, Water.at_ratio(0.6, 1.0), lane_change(), duration=0.2, **COARSE)
+
+
+@pytest.fixture
+def interruptible():
+    """Ctrl-C interrupts this process and its children, though a shell that runs tests in the background ignores it.
+
+    A command started with `&` from a script ignores SIGINT, as Unix wants it; so do its children.
+    """
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)

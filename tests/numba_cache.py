@@ -47,12 +47,20 @@ def digests(package):
 
 def imported(text, file, package):
     """Files of the package that a file imports by name, at its top or within functions."""
-    names = set()
+    found = set()
     for node in ast.walk(ast.parse(text, str(file))):
         if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
+            found |= {place(alias.name, package) for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-    places = {package.parent.joinpath(*name.split(".")) for name in names}
-    wanted = {place.with_suffix(".py") for place in places} | {place / "__init__.py" for place in places}
-    return {one for one in wanted if one.is_relative_to(package) and one.is_file()}
+            for alias in node.names:  # a module of a package, or else a name in one
+                found.add(place(f"{node.module}.{alias.name}", package) or place(node.module, package))
+    return found - {None}
+
+
+def place(name, package):
+    """File of the module of this name, if it is one of the package's."""
+    path = package.parent.joinpath(*name.split("."))
+    for file in (path.with_suffix(".py"), path / "__init__.py"):
+        if file.is_relative_to(package) and file.is_file():
+            return file
+    return None
