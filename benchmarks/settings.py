@@ -20,7 +20,9 @@ def main() -> None:
     """Print one row a water and model."""
     vehicle, soil = amphibious_vehicle(), Soil.published("LETE sand")
     simulate(vehicle, soil, WATERS["D60/U1"], duration=0.1)  # compile
-    print("| water | model | fast | fine | path | end apart | of the path | yaw apart |\n|---|---|---|---|---|---|---|---|")
+    print(
+        "| water | model | fast | fine | path | end apart | of the path | yaw apart |\n|---|---|---|---|---|---|---|---|"
+    )
     for name, water in WATERS.items():
         for model in ("none",) if water is None else ("networks", "coefficients"):
             runs = {s: simulate(vehicle, soil, water, hydrodynamics=model, setting=s) for s in SETTINGS}

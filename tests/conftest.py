@@ -1,15 +1,16 @@
 """What tests share: the vehicle, the soil and two runs of the reference maneuver (about 4 s each, made once)."""
 
-import hashlib
 import math
 import os
-import tempfile
+import signal
 from pathlib import Path
 
-# Numba does not notice that a kernel of another file has changed: one cache for each state of the sources
-_SOURCES = sorted((Path(__file__).parents[1] / "exumob").rglob("*.py"))
-_STATE = hashlib.sha256(b"".join(path.read_bytes() for path in _SOURCES)).hexdigest()[:16]
-os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(tempfile.gettempdir()) / f"exumob-numba-{_STATE}"))
+import numba_cache
+
+ROOT = Path(__file__).parents[1]
+if "NUMBA_CACHE_DIR" not in os.environ:  # Numba reads it when imported; processes that tests start inherit it
+    numba_cache.prepare(ROOT / ".numba_cache", ROOT / "exumob")
+    os.environ["NUMBA_CACHE_DIR"] = str(ROOT / ".numba_cache")
 
 import pytest
 
@@ -54,3 +55,14 @@ def mirrored_wet_run(vehicle, sand):
 def short_run(vehicle, sand):
     """0.2 s in D60/U1, for tests of files and figures that do not need a whole run."""
     return simulate(vehicle, sand, Water.at_ratio(0.6, 1.0), lane_change(), "coefficients", duration=0.2, **COARSE)
+
+
+@pytest.fixture
+def interruptible():
+    """Ctrl-C interrupts this process and its children, though a shell that runs tests in the background ignores it.
+
+    A command started with `&` from a script ignores SIGINT, as Unix wants it; so do its children.
+    """
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)

@@ -1,4 +1,4 @@
-"""The state of the flow: saved, restored, handed over by a failed step, the same for any number of threads; bad input."""
+"""The state of the flow: saved, restored, handed over by a failed step, the same for any threads; bad input."""
 
 import numba
 import numpy as np

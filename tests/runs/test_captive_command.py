@@ -89,6 +89,7 @@ def car():
 """
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_saves_what_was_computed(tmp_path):
     (tmp_path / "car.py").write_text(INTERRUPTED)
     answer = subprocess.run(

@@ -216,6 +216,7 @@ def car():
 """A vehicle file that sends a real Ctrl-C some time after a method was first called."""
 
 
+@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("delay", [0.0, 0.0137])
 def test_ctrl_c_saves_what_was_computed(tmp_path, delay):
     text = INTERRUPTED.format(method="advance", condition="arguments[0] > 0.15", delay=delay)
@@ -231,6 +232,7 @@ def test_ctrl_c_saves_what_was_computed(tmp_path, delay):
     assert np.isfinite(run["position"].values).all()
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_while_settling_ends_without_a_traceback(tmp_path):
     text = INTERRUPTED.format(method="settle", condition="True", delay=0.05)
     (tmp_path / "car.py").write_text(text)

@@ -136,6 +136,7 @@ simulate(amphibious_vehicle(), Soil.published("LETE sand"), Water.at_ratio(0.6, 
     assert_same(simulate(vehicle, sand, WATER, QUICK, **steps), resumed)
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_interrupt_waits_for_the_end_of_the_macro_step(vehicle, sand):
     """A signal in the midst of the water's turn: the step is finished, then the run stops."""
 

@@ -1,7 +1,6 @@
 """The data set: packed runs, their names, and histories imported from other programs."""
 
 import csv
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -210,23 +209,3 @@ def test_no_unit_is_guessed(run, tmp_path):
         import_histories(file, WATER)
     with pytest.raises(ValueError, match="unit 'lb' of"):
         import_histories(file, WATER, units={"force": "lb"})
-
-
-# -- what is committed -------------------------------------------------------------------------------------------------
-
-
-def test_runs_of_the_data_set_are_whole():
-    runs = load_runs(sorted((Path(__file__).parents[2] / "data" / "cfd_mbd").glob("*.nc")))
-    assert set(runs) <= {s.name for s in TRAINING + UNSEEN}
-    assert runs
-    for name, run in runs.items():
-        scenario = Scenario.named(name)
-        assert run.sizes["time"] == 8001
-        assert run.attrs["status"] == "completed"
-        assert run.attrs["hydrodynamics"] == "CfdHydrodynamics"
-        assert all(np.isfinite(run[variable].values).all() for variable in VARIABLES)
-        water = scenario.water(amphibious_vehicle())
-        assert run["flow_state"].values[:, :, 3:] == pytest.approx(
-            np.broadcast_to([water.current_speed, water.depth], (8001, 5, 2)), abs=1e-6
-        )
-        assert abs(float(run["steering_angle"].values.max()) - np.radians(abs(scenario.steering))) < 0.02

@@ -1,50 +1,30 @@
-"""Networks: their file, their evaluation with and without torch, their training, and the loop's model of the water."""
+"""Networks: their file, their inputs, their answers with and without torch, and as a model of the water."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_up_networks import SMALL, made_up, residual
 from typer.testing import CliRunner
 
 from exumob.__main__ import app
 from exumob.driving.maneuver import lane_change
 from exumob.learning.dataset import body_states, pack, usable, water_of
-from exumob.paper.scenarios import UNSEEN, Scenario
-from exumob.simulation.ensemble import add_members
+from exumob.paper.scenarios import UNSEEN
 from exumob.simulation.result_files import save_dataset
 from exumob.simulation.run import simulate
-from exumob.simulation.summary import summary
 from exumob.surrogates.inputs import INPUTS, MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
-from exumob.surrogates.networks import Architecture, NetworkSet, geometry, window_rows
+from exumob.surrogates.networks import Architecture, NetworkSet, window_rows
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 
 torch = pytest.importorskip("torch")
-from exumob.learning.evaluation import closed_loop, drive, open_loop, predicted_loads
 from exumob.learning.onnx_export import export_onnx
-from exumob.learning.presets import Preset
 from exumob.learning.torch_networks import LoadNetwork
-from exumob.learning.training import held_back, train, training_runs
+from exumob.learning.training import held_back, training_runs
 
-SMALL = Architecture(inputs=("forward_flow", "lateral_flow", "yaw_rate"), taps=4, stride=5, width=7, dense=5)
 SHAPES = [SMALL, replace(SMALL, layer="dense"), replace(SMALL, layer="polynomial", taps=1)]
-
-
-def made_up(architecture, vehicle, seed=0):
-    """Networks with random weights."""
-    rng = np.random.default_rng(seed)
-    k = len(architecture.inputs)
-    arrays = {n: 0.5 * rng.standard_normal((5, *s)) for n, s in architecture.shapes().items()}
-    arrays |= {
-        "input_mean": np.full((5, k), 0.1), "input_scale": np.full((5, k), 0.5), "input_low": np.full((5, k), -1.0),
-        "input_high": np.full((5, k), 1.0), "joint_inverse": np.tile(np.eye(k), (5, 1, 1)),
-        "joint_limit": np.full(5, 3.0), "output_mean": rng.standard_normal((5, 6)),
-        "output_scale": np.full((5, 6), 2.0),
-    }  # fmt: skip
-    about = {"preset": "made up", "seed": seed, "geometry": geometry(vehicle)}
-    return NetworkSet(architecture, {n: a.astype(np.float32) for n, a in arrays.items()}, about)
 
 
 @pytest.fixture(scope="module")
@@ -215,80 +195,7 @@ def test_evaluation_runs_are_never_learnt_from(runs, tmp_path):
         training_runs(tmp_path / "nowhere")
 
 
-def test_training_learns_and_is_reproducible_and_resumed(runs, vehicle, tmp_path):
-    inputs = ("forward_flow", "forward_speed", "immersion", "water_depth")
-    preset = Preset("tiny", Architecture(inputs, 2, 5, "lstm", 12, 8), batch=16, epochs=30, thinning=4, mirror=True)
-    told = []
-    first = train([preset], runs, vehicle, tmp_path / "a", seeds=[1], jobs=2, told=told.append)["tiny", 1]
-    second = train([preset], runs, vehicle, tmp_path / "b", seeds=[1], jobs=1)["tiny", 1]
-    network, again = NetworkSet.load(first), NetworkSet.load(second)
-    assert network.digest() == again.digest()
-    assert sum(step.done for step in told) == 5
-    losses = network.arrays["training_loss"]
-    assert (np.nanmin(losses, axis=1) < 0.3 * losses[:, 0]).all()
-    assert network.about["held_back"] == "D50/U0.5" and network.about["provenance"]["torch_version"]
-
-    parts = {p: p.stat().st_mtime_ns for p in (tmp_path / "a" / "parts").iterdir()}
-    next(p for p in parts if "hull" in p.name).unlink()
-    train([preset], runs, vehicle, tmp_path / "a", seeds=[1], jobs=1, told=told.append)
-    assert sum(step.done for step in told) == 6  # the one that was missing, alone
-    assert NetworkSet.load(first).digest() == network.digest()
-
-
-def test_regression_recovers_a_polynomial(runs, vehicle, tmp_path):
-    """Loads that are a quadratic of the inputs are met to the ridge's share."""
-    inputs = ("forward_flow", "water_depth")
-    preset = Preset("poly", Architecture(inputs, 1, 1, "polynomial", degree=2), ridge=1e-9, thinning=1)
-    made = {}
-    for name, run in runs.items():
-        x = network_inputs(body_states(run), water_of(run), inputs)
-        made[name] = run.copy()
-        made[name]["water_wrench"] = run["water_wrench"].copy(
-            data=np.repeat((-3.0 * x[..., :1] ** 2 * (1.0 + 5.0 * x[..., 1:])), 6, axis=-1)
-        )
-        made[name]["water_wrench_smooth"] = made[name]["water_wrench"]
-    cubic = replace(preset, architecture=replace(preset.architecture, degree=3))
-    network = NetworkSet.load(train([cubic], made, vehicle, tmp_path, seeds=[0], jobs=1)["poly", 0])
-    rows = np.arange(0, 500, 10)
-    found = predicted_loads(network, made["D60/U1"], vehicle, rows)
-    assert found == pytest.approx(made["D60/U1"]["water_wrench"].values[rows], rel=2e-3, abs=2e-3)
-    assert float(open_loop(network, made["D60/U1"], vehicle).max()) < 0.01
-
-
 HEAD_CURRENT = Water(0.12, 1.0)
-STEPS = {"micro_step": 5e-4, "macro_step": 20e-3}
-
-
-def residual(vehicle, loads=0.0, **ranges):
-    """Networks that add constant loads to the coefficient model's."""
-    network = made_up(Architecture(SMALL.inputs, 1, 1, "polynomial", degree=1, base="coefficients"), vehicle)
-    arrays = network.arrays | {
-        "coefficients": np.zeros_like(network.arrays["coefficients"]),
-        "output_mean": np.full((5, 6), loads, np.float32),
-        "input_low": np.full((5, 3), -50.0, np.float32), "input_high": np.full((5, 3), 50.0, np.float32),
-        "joint_limit": np.full(5, 500.0, np.float32),
-    }  # fmt: skip
-    return NetworkSet(network.architecture, arrays | ranges, network.about)
-
-
-def test_zero_residual_is_the_coefficient_model(vehicle, sand):
-    a, b = (
-        simulate(vehicle, sand, HEAD_CURRENT, lane_change(), model, duration=0.4, **STEPS)
-        for model in (CoefficientHydrodynamics(), SurrogateHydrodynamics(residual(vehicle)))
-    )
-    assert np.array_equal(a["position"], b["position"])
-    assert not b["hydrodynamics_out_of_range"].any() and summary(b)["out_of_range_share"] == 0.0
-    assert closed_loop(b, pack(simulate(
-        vehicle, sand, HEAD_CURRENT, lane_change(), duration=0.4, record_step=1e-3, **STEPS
-    )))["final"] < 1e-4  # fmt: skip
-
-
-def test_ensemble_gives_mean_and_spread(vehicle, sand):
-    members = [residual(vehicle, loads) for loads in (-1.0, 2.0)]
-    run = simulate(
-        vehicle, sand, HEAD_CURRENT, lane_change(), SurrogateHydrodynamics(members), duration=0.1, **STEPS
-    )  # fmt: skip
-    assert run["hydrodynamics_load_spread"].values == pytest.approx(3.0 / math.sqrt(2.0))
 
 
 def test_members_together_answer_as_alone(vehicle):
@@ -302,45 +209,6 @@ def test_members_together_answer_as_alone(vehicle):
     assert together == pytest.approx(alone, rel=1e-4, abs=1e-4)
     excess = np.concatenate([one.excess(window[:, -1]) for one in sets])
     assert every.excess(np.tile(window[:, -1], (len(sets), 1))) == pytest.approx(excess, rel=1e-5, abs=1e-6)
-
-
-def test_long_macro_steps_do_not_chatter(vehicle):
-    """Second differences of the soil's reaction from one 20 ms step to the next. Spec: below 0.1 N in the mean, as with
-    1 ms; the networks' answer held over the step gave 0.46 N."""
-    run = drive(Scenario.named("D60/U1"), SurrogateHydrodynamics(), vehicle)
-    reaction = run["soil_force"].sel(axis="z").values[100::2]
-    assert np.abs(np.diff(reaction, n=2, axis=0)).mean() < 0.1
-
-
-def test_members_give_error_bars_on_the_path(vehicle, sand):
-    """Each member's run is its own: the first is bit for bit the run of a surrogate of the first alone."""
-    files = shipped_networks()[:2]
-    given = vehicle, sand, Water.at_ratio(0.5, 0.5), None
-    steps = {"duration": 0.3, "micro_step": 5e-4, "macro_step": 20e-3}
-    told = []
-    together = SurrogateHydrodynamics(files)
-    result = add_members(simulate(*given, together, **steps), *given, together, progress=told.append, **steps)
-    alone = simulate(*given, SurrogateHydrodynamics(files[0]), **steps)
-    np.testing.assert_array_equal(result["member_position"].values[0], alone["position"].sel(body="hull").values)
-    spread = summary(result)["forward_spread"]
-    ends = result["member_position"].sel(axis="x").values[:, -1]
-    assert spread == pytest.approx(abs(ends[0] - ends[1]) / math.sqrt(2.0)) and spread > 0.0
-    assert told == sorted(told) and told[-1] == pytest.approx(0.3)
-    with pytest.raises(ValueError, match="1 network gives no spread"):
-        add_members(alone, *given, SurrogateHydrodynamics(files[0]), **steps)
-
-
-def test_out_of_range_is_told_and_falls_back(vehicle, sand):
-    """A network that pushes with 2 N, trained up to 0.3 m/s: the coefficient model takes over, and the run says so."""
-    narrow = {"input_low": np.full((5, 3), -0.3, np.float32), "input_high": np.full((5, 3), 0.3, np.float32)}
-    pushing = residual(vehicle, 2.0, **narrow)
-    run, alone = (
-        simulate(vehicle, sand, HEAD_CURRENT, lane_change(), model, duration=0.6, **STEPS)
-        for model in (SurrogateHydrodynamics(pushing), SurrogateHydrodynamics(pushing, fallback=False))
-    )
-    assert run["hydrodynamics_out_of_range"][-1].all() and (run["hydrodynamics_fallback_share"][-1] == 1.0).all()
-    assert not alone["hydrodynamics_fallback_share"].any() and alone["hydrodynamics_out_of_range"][-1].all()
-    assert summary(run)["out_of_range_share"] > 0.3
 
 
 def test_far_outside_the_coefficient_model_acts_alone(runs, vehicle):
@@ -371,33 +239,6 @@ def test_loads_are_proportional_to_density(runs, vehicle):
         model.start(vehicle, Water(0.12, 1.0, density=density), 1e-3)
         answers.append(model.wrenches(states, lambda: states))
     assert answers[1] == pytest.approx(1.025 * answers[0])
-
-
-def test_saved_and_restored(vehicle, sand, tmp_path):
-    """A run stopped and resumed has the bits of the single run."""
-    rich = made_up(replace(SMALL, base="coefficients"), vehicle)
-
-    def run(duration, **more):
-        return simulate(
-            vehicle, sand, HEAD_CURRENT, lane_change(), SurrogateHydrodynamics([rich, residual(vehicle)]),
-            duration=duration, **STEPS, **more,
-        )  # fmt: skip
-
-    single = run(0.6)
-    stopped = []
-
-    def stop(time):
-        if time > 0.5 and not stopped:
-            stopped.append(time)
-            raise RuntimeError("power cut")
-
-    from exumob.support.errors import SimulationError
-
-    with pytest.raises(SimulationError):
-        run(0.6, checkpoint=tmp_path / "run.npz", progress=stop)
-    resumed = run(0.6, checkpoint=tmp_path / "run.npz", resume=True)
-    for name in ("position", "water_wrench", "hydrodynamics_load_spread", "hydrodynamics_range_excess"):
-        assert np.array_equal(single[name], resumed[name])
 
 
 def test_mirrored_loads_are_their_own_inverse():

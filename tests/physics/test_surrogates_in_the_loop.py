@@ -1,0 +1,110 @@
+"""Networks in the loop: the coefficient model where they add nothing, members' spread, range, restart."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up_networks import SMALL, made_up, residual
+
+from exumob.driving.maneuver import lane_change
+from exumob.learning.dataset import pack
+from exumob.paper.scenarios import Scenario
+from exumob.simulation.ensemble import add_members
+from exumob.simulation.run import simulate
+from exumob.simulation.summary import summary
+from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
+from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.conditions import Water
+
+pytest.importorskip("torch")
+from exumob.learning.evaluation import closed_loop, drive
+
+HEAD_CURRENT = Water(0.12, 1.0)
+STEPS = {"micro_step": 5e-4, "macro_step": 20e-3}
+
+
+def test_zero_residual_is_the_coefficient_model(vehicle, sand):
+    a, b = (
+        simulate(vehicle, sand, HEAD_CURRENT, lane_change(), model, duration=0.4, **STEPS)
+        for model in (CoefficientHydrodynamics(), SurrogateHydrodynamics(residual(vehicle)))
+    )
+    assert np.array_equal(a["position"], b["position"])
+    assert not b["hydrodynamics_out_of_range"].any() and summary(b)["out_of_range_share"] == 0.0
+    assert closed_loop(b, pack(simulate(
+        vehicle, sand, HEAD_CURRENT, lane_change(), duration=0.4, record_step=1e-3, **STEPS
+    )))["final"] < 1e-4  # fmt: skip
+
+
+def test_ensemble_gives_mean_and_spread(vehicle, sand):
+    members = [residual(vehicle, loads) for loads in (-1.0, 2.0)]
+    run = simulate(
+        vehicle, sand, HEAD_CURRENT, lane_change(), SurrogateHydrodynamics(members), duration=0.1, **STEPS
+    )  # fmt: skip
+    assert run["hydrodynamics_load_spread"].values == pytest.approx(3.0 / math.sqrt(2.0))
+
+
+def test_long_macro_steps_do_not_chatter(vehicle):
+    """Second differences of the soil's reaction from one 20 ms step to the next. Spec: below 0.1 N in the mean, as with
+    1 ms; the networks' answer held over the step gave 0.46 N."""
+    run = drive(Scenario.named("D60/U1"), SurrogateHydrodynamics(), vehicle)
+    reaction = run["soil_force"].sel(axis="z").values[100::2]
+    assert np.abs(np.diff(reaction, n=2, axis=0)).mean() < 0.1
+
+
+def test_members_give_error_bars_on_the_path(vehicle, sand):
+    """Each member's run is its own: the first is bit for bit the run of a surrogate of the first alone."""
+    files = shipped_networks()[:2]
+    given = vehicle, sand, Water.at_ratio(0.5, 0.5), None
+    steps = {"duration": 0.3, "micro_step": 5e-4, "macro_step": 20e-3}
+    told = []
+    together = SurrogateHydrodynamics(files)
+    result = add_members(simulate(*given, together, **steps), *given, together, progress=told.append, **steps)
+    alone = simulate(*given, SurrogateHydrodynamics(files[0]), **steps)
+    np.testing.assert_array_equal(result["member_position"].values[0], alone["position"].sel(body="hull").values)
+    spread = summary(result)["forward_spread"]
+    ends = result["member_position"].sel(axis="x").values[:, -1]
+    assert spread == pytest.approx(abs(ends[0] - ends[1]) / math.sqrt(2.0)) and spread > 0.0
+    assert told == sorted(told) and told[-1] == pytest.approx(0.3)
+    with pytest.raises(ValueError, match="1 network gives no spread"):
+        add_members(alone, *given, SurrogateHydrodynamics(files[0]), **steps)
+
+
+def test_out_of_range_is_told_and_falls_back(vehicle, sand):
+    """A network that pushes with 2 N, trained up to 0.3 m/s: the coefficient model takes over, and the run says so."""
+    narrow = {"input_low": np.full((5, 3), -0.3, np.float32), "input_high": np.full((5, 3), 0.3, np.float32)}
+    pushing = residual(vehicle, 2.0, **narrow)
+    run, alone = (
+        simulate(vehicle, sand, HEAD_CURRENT, lane_change(), model, duration=0.6, **STEPS)
+        for model in (SurrogateHydrodynamics(pushing), SurrogateHydrodynamics(pushing, fallback=False))
+    )
+    assert run["hydrodynamics_out_of_range"][-1].all() and (run["hydrodynamics_fallback_share"][-1] == 1.0).all()
+    assert not alone["hydrodynamics_fallback_share"].any() and alone["hydrodynamics_out_of_range"][-1].all()
+    assert summary(run)["out_of_range_share"] > 0.3
+
+
+def test_saved_and_restored(vehicle, sand, tmp_path):
+    """A run stopped and resumed has the bits of the single run."""
+    rich = made_up(replace(SMALL, base="coefficients"), vehicle)
+
+    def run(duration, **more):
+        return simulate(
+            vehicle, sand, HEAD_CURRENT, lane_change(), SurrogateHydrodynamics([rich, residual(vehicle)]),
+            duration=duration, **STEPS, **more,
+        )  # fmt: skip
+
+    single = run(0.6)
+    stopped = []
+
+    def stop(time):
+        if time > 0.5 and not stopped:
+            stopped.append(time)
+            raise RuntimeError("power cut")
+
+    from exumob.support.errors import SimulationError
+
+    with pytest.raises(SimulationError):
+        run(0.6, checkpoint=tmp_path / "run.npz", progress=stop)
+    resumed = run(0.6, checkpoint=tmp_path / "run.npz", resume=True)
+    for name in ("position", "water_wrench", "hydrodynamics_load_spread", "hydrodynamics_range_excess"):
+        assert np.array_equal(single[name], resumed[name])
