@@ -30,7 +30,7 @@ from exumob.simulation.results import save_dataset
 from exumob.support.figures import save_figure
 from exumob.sweeps import sweep
 from exumob.sweeps.experiment import Experiment, amphibious_crossing
-from exumob.sweeps.runner import Progress
+from exumob.sweeps.run import Progress
 
 FIGURES = Path(__file__).parent / "figures"
 DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"

@@ -50,7 +50,7 @@ def map_command(
     from exumob.mobility.crossing import Crossing, Limits
     from exumob.mobility.map import SCATTER, Axis, MobilityMap, compute_map
     from exumob.sweeps.experiment import amphibious_crossing
-    from exumob.sweeps.runner import Progress
+    from exumob.sweeps.run import Progress
     from exumob.vehicle.parameters import load_vehicle
 
     try:

@@ -44,7 +44,7 @@ def sweep_command(
 
     Example: exumob sweep --vary water.current_speed=0,0.5,1 --vary "soil.cohesion~normal(1300,200)" --samples 32
     """
-    from exumob.sweeps.runner import Progress, sweep
+    from exumob.sweeps.run import Progress, sweep
     from exumob.sweeps.study import from_options, read_study
 
     try:

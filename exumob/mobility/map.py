@@ -24,7 +24,7 @@ from exumob.simulation.results import save_dataset
 from exumob.support.arrays import Array
 from exumob.support.checks import require_within
 from exumob.support.provenance import parameters_json, provenance
-from exumob.sweeps.runner import Progress, sweep
+from exumob.sweeps.run import Progress, sweep
 from exumob.sweeps.sampling import Case, Choice, Distribution, LogNormal, Normal, sample
 
 logger = logging.getLogger(__name__)
