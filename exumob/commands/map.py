@@ -69,10 +69,10 @@ def map_command(
         )  # fmt: skip
         with counting_bar("map", 1, "runs") as (bar, task):
 
-            def told(level: str, reached: Progress) -> None:
+            def progress(level: str, reached: Progress) -> None:
                 bar.update(task, description=level, completed=reached.done, total=reached.total)
 
-            result = compute_map(wanted, output, workers=workers, progress=told)
+            result = compute_map(wanted, output, workers=workers, progress=progress)
     except (ValueError, RuntimeError, OSError) as error:
         fail(error)
     except KeyboardInterrupt:

@@ -56,12 +56,12 @@ def sweep_command(
             experiment, cases = from_options(vehicle, setting or [], vary or [], samples, seed)
         with counting_bar("sweep", len(cases), "cases") as (bar, task):
 
-            def told(reached: Progress) -> None:
+            def progress(reached: Progress) -> None:
                 bar.update(task, completed=reached.done)
 
             result = sweep(
                 experiment, cases, output, workers=workers, time_limit=time_limit, keep_runs=keep_runs,
-                again=again or [], mpi=mpi, progress=told,
+                again=again or [], mpi=mpi, progress=progress,
             )  # fmt: skip
     except (ValueError, RuntimeError, OSError) as error:
         fail(error)

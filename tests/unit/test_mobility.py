@@ -10,7 +10,8 @@ import xarray as xr
 from scipy.stats import binomtest
 
 from exumob.mobility.crossing import FAILURES, Crossing, Limits, judge
-from exumob.mobility.map import Axis, MobilityMap, _Lattice, compute_map
+from exumob.mobility.lattice import Lattice
+from exumob.mobility.map import Axis, MobilityMap, compute_map
 from exumob.mobility.map_figure import plot_map
 from exumob.simulation.results import load_dataset
 from exumob.support.errors import SimulationError
@@ -224,9 +225,9 @@ def test_probability_and_interval_at_a_scattered_node(tmp_path):
 
 
 def test_cells_out_of_range_are_not_refined():
-    wanted = MobilityMap(Ellipse(QUICK, BRIEF), scatter={}, levels=1)
-    grid = _Lattice(wanted, 0)
-    nodes = grid.wanted()
+    x, y = (axis.values(0) for axis in (MobilityMap.x, MobilityMap.y))
+    grid = Lattice(["sand"], x, y, BRIEF.range_share)
+    nodes = grid.pending()
     checked = np.array([[p, i, j] for p, i, j in nodes])
     go = checked[:, 2] < 2
     rows = xr.Dataset(
@@ -238,7 +239,7 @@ def test_cells_out_of_range_are_not_refined():
         }
     )
     grid.fill(nodes, rows, 1)
-    fresh = {(i, j) for _, i, j in grid.refined().wanted()}
+    fresh = {(i, j) for _, i, j in grid.refined().pending()}
     assert {(1, 3), (3, 3)} <= fresh  # in the middle of a border cell that counts
     assert not any(i > 6 for i, _ in fresh)
     assert not any(j > 4 or j < 2 for _, j in fresh)
@@ -247,9 +248,9 @@ def test_cells_out_of_range_are_not_refined():
 def test_same_draws_serve_every_node_and_members_take_turns():
     networks = replace(QUICK, hydrodynamics="networks")
     wanted = MobilityMap(Crossing(networks, BRIEF), draws=10)
-    factors = wanted._factors()
+    factors = wanted.factors()
     assert sorted(case["hydrodynamics.member"] for case in factors) == sorted(2 * list(range(5)))
-    one, other = (wanted._case({"soil": "LETE sand"}, x, y, factors[3]) for x, y in ((0.5, 0.4), (1.0, 0.6)))
+    one, other = (wanted.case({"soil": "LETE sand"}, x, y, factors[3]) for x, y in ((0.5, 0.4), (1.0, 0.6)))
     assert one["soil.cohesion"] == other["soil.cohesion"]
     assert one["water.current_speed"] / 0.5 == pytest.approx(other["water.current_speed"])
     assert one["water.depth_ratio"] / 0.4 == pytest.approx(other["water.depth_ratio"] / 0.6)

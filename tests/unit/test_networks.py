@@ -22,10 +22,11 @@ from exumob.water.conditions import Water
 
 torch = pytest.importorskip("torch")
 from exumob.learning.evaluation import closed_loop, drive, open_loop, predicted_loads
+from exumob.learning.examples import training_runs, validation_run
 from exumob.learning.onnx_export import export_onnx
 from exumob.learning.presets import Preset
 from exumob.learning.torch_networks import LoadNetwork
-from exumob.learning.training import held_back, train, training_runs
+from exumob.learning.training import train
 
 SMALL = Architecture(inputs=("forward_flow", "lateral_flow", "yaw_rate"), taps=4, stride=5, width=7, dense=5)
 SHAPES = [SMALL, replace(SMALL, layer="dense"), replace(SMALL, layer="polynomial", taps=1)]
@@ -202,8 +203,8 @@ def test_jumps_are_left_out(runs):
     assert np.flatnonzero(~usable(run)).tolist() == list(range(180, 221))
 
 
-def test_held_back_run_lies_inside(runs):
-    assert {held_back(runs, seed) for seed in range(4)} == {"D50/U0.5"}
+def test_validation_run_lies_inside(runs):
+    assert {validation_run(runs, seed) for seed in range(4)} == {"D50/U0.5"}
 
 
 def test_evaluation_runs_are_never_learnt_from(runs, tmp_path):
@@ -217,20 +218,20 @@ def test_evaluation_runs_are_never_learnt_from(runs, tmp_path):
 def test_training_learns_and_is_reproducible_and_resumed(runs, vehicle, tmp_path):
     inputs = ("forward_flow", "forward_speed", "immersion", "water_depth")
     preset = Preset("tiny", Architecture(inputs, 2, 5, "lstm", 12, 8), batch=16, epochs=30, thinning=4, mirror=True)
-    told = []
-    first = train([preset], runs, vehicle, tmp_path / "a", seeds=[1], jobs=2, told=told.append)["tiny", 1]
+    steps = []
+    first = train([preset], runs, vehicle, tmp_path / "a", seeds=[1], jobs=2, progress=steps.append)["tiny", 1]
     second = train([preset], runs, vehicle, tmp_path / "b", seeds=[1], jobs=1)["tiny", 1]
     network, again = NetworkSet.load(first), NetworkSet.load(second)
     assert network.digest() == again.digest()
-    assert sum(step.done for step in told) == 5
+    assert sum(step.done for step in steps) == 5
     losses = network.arrays["training_loss"]
     assert (np.nanmin(losses, axis=1) < 0.3 * losses[:, 0]).all()
     assert network.about["held_back"] == "D50/U0.5" and network.about["provenance"]["torch_version"]
 
     parts = {p: p.stat().st_mtime_ns for p in (tmp_path / "a" / "parts").iterdir()}
     next(p for p in parts if "hull" in p.name).unlink()
-    train([preset], runs, vehicle, tmp_path / "a", seeds=[1], jobs=1, told=told.append)
-    assert sum(step.done for step in told) == 6  # the one that was missing, alone
+    train([preset], runs, vehicle, tmp_path / "a", seeds=[1], jobs=1, progress=steps.append)
+    assert sum(step.done for step in steps) == 6  # the one that was missing, alone
     assert NetworkSet.load(first).digest() == network.digest()
 
 
