@@ -56,7 +56,9 @@ def train_command(
                 console.print(f"{name}: {step.epoch} epochs, validation error {step.loss:.4f}", highlight=False)
 
         try:
-            files = train([PRESETS[n] for n in wanted], runs, car, output, seeds=range(seeds), jobs=jobs, progress=progress)
+            files = train(
+                [PRESETS[n] for n in wanted], runs, car, output, seeds=range(seeds), jobs=jobs, progress=progress
+            )
         except (ValueError, RuntimeError) as error:
             fail(error)
         except KeyboardInterrupt:

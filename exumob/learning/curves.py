@@ -21,9 +21,7 @@ def plot_learning_curves(networks: Sequence[NetworkSet]) -> Figure:
             epochs = np.arange(1, train.size + 1)
             marker = "o" if train.size == 1 else None
             axes.semilogy(epochs, train, ls="--", lw=0.9, color=f"C{n}", marker=marker, mfc="none")
-            axes.semilogy(
-                epochs, validation, lw=1.3, color=f"C{n}", marker=marker, label=f"{network.about['held_back']}"
-            )
+            axes.semilogy(epochs, validation, lw=1.3, color=f"C{n}", marker=marker, label=network.about["held_back"])
         axes.set(title=name.replace("_", " "), xlabel="epoch")
     rows[0].set_ylabel("mean square error, scaled loads [-]")
     rows[-1].legend(title="validation", fontsize="x-small", title_fontsize="x-small")
