@@ -1,42 +1,38 @@
-"""Does the LSTM layer matter? (paper Sec. 5.2, Fig. 15)
+"""Does the LSTM layer matter, and is it its memory that does? (paper Sec. 5.2, Fig. 15)
 
-The paper's network against the same with a dense layer in the place of the LSTM's, fed y(t_n) alone: five seeds each,
-paired by seed (the same runs to learn from), on the four unseen runs. Then why. What of the LSTM's answer comes from
-the two samples before the present one, which lie 1 and 2 ms back? Their window is filled with the present state and the
-change of the loads is compared with their size, along the CFD-MBD runs. And a third network: the LSTM fed y(t_n) alone,
-as the dense one is (`present-lstm`: its gates are left, its memory is not).
+The paper's network drives the four unseen runs against the same network with a dense layer in place of the LSTM's,
+which sees the present state y(t_n) alone; five seeds each, paired by seed, because those learnt from the same runs. To
+see why they differ, the samples 1 and 2 ms back in the LSTM's window are replaced by the present one, which shows their
+share in its loads; and a third network, `present-lstm`, keeps the gates of the LSTM but sees y(t_n) alone, too.
 
 First: exumob train --output networks
-Run: python studies/ablation.py --networks networks
+Run: python studies/ablation.py --networks networks     (a few minutes)
 """
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from common import CFD_RUNS, add_networks, save, study_parser
 from scipy import stats
 
 from exumob.learning.dataset import body_states, load_runs, water_of
 from exumob.learning.evaluation import THINNING, compare
 from exumob.learning.report import MEASURES, markdown, plot_paths
 from exumob.paper.scenarios import UNSEEN
-from exumob.simulation.result_files import save_dataset
-from exumob.support.figures import save_figure
 from exumob.surrogates.inputs import network_inputs
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
 from exumob.vehicle.motion import BODIES
 from vehicle_models.amphibious import amphibious_vehicle
 
-FIGURES = Path(__file__).parent / "figures"
-DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"
 PAIR = ("paper-lstm", "paper-dense")
+"""Presets that are compared seed by seed."""
 MODELS = (*PAIR, "present-lstm")
 
 
 def memory_share(network: NetworkSet, run: xr.Dataset) -> np.ndarray:
-    """Rms change of the loads when the network is shown the present only, over the loads' deviation; shape (5,)."""
+    """Rms change of the loads if the network sees the present only, over their standard deviation [-]; shape (5,)."""
     architecture = network.architecture
     inputs = network_inputs(body_states(run), water_of(run), architecture.inputs)
     rows = np.arange(architecture.stride * (architecture.taps - 1), len(inputs), THINNING)
@@ -49,7 +45,7 @@ def memory_share(network: NetworkSet, run: xr.Dataset) -> np.ndarray:
 
 
 def paired(table: xr.Dataset, pair: tuple[str, str] = PAIR) -> str:
-    """One less the other, seed by seed, means over the scenarios; negative: the first is nearer to CFD-MBD."""
+    """Table of one model less the other, seed by seed, means over the scenarios; negative: the first is better."""
     lines = [
         f"| {pair[0]} less {pair[1]} | mean | standard error | p (t test) | seeds for the first |",
         "|---|---|---|---|---|",
@@ -66,31 +62,26 @@ def paired(table: xr.Dataset, pair: tuple[str, str] = PAIR) -> str:
 
 
 def main(quick: bool = False, networks: Path = Path("networks")) -> tuple[xr.Dataset, np.ndarray]:
-    """Drive the unseen runs with both; return the table, and the share of memory by seed and body."""
+    """Drive the unseen runs with all three; return the table, and the share of memory by seed and body [-]."""
     files = {model: sorted(networks.glob(f"{model}_seed*.safetensors")) for model in MODELS}
     for model, found in files.items():
         if not found:
             raise SystemExit(f"{networks} holds no networks of {model}; first: exumob train --output {networks}")
     scenarios = UNSEEN[:1] if quick else UNSEEN
-    references = load_runs(DATA / f"{s.file_stem}.nc" for s in scenarios)
+    references = load_runs(CFD_RUNS / f"{s.file_stem}.nc" for s in scenarios)
     members = {model: [SurrogateHydrodynamics(file) for file in found] for model, found in files.items()}
-    table, runs = compare(members, references, amphibious_vehicle(), told=None if quick else print)
+    table, runs = compare(members, references, amphibious_vehicle(), progress=None if quick else print)
     sets = [NetworkSet.load(file) for file in files["paper-lstm"]]
     share = np.array([np.mean([memory_share(n, run) for run in references.values()], axis=0) for n in sets])
     if not quick:
-        FIGURES.mkdir(exist_ok=True)
-        save_figure(plot_paths(runs, references, MODELS), FIGURES / "ablation_paths.png")
-        save_dataset(table, FIGURES / "ablation.nc")
+        save({"ablation_paths.png": plot_paths(runs, references, MODELS), "ablation.nc": table})
     return table, share
 
 
 if __name__ == "__main__":
-    import matplotlib
-
-    matplotlib.use("Agg")
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--networks", type=Path, default=Path("networks"), help="folder of `exumob train`")
-    answer, shares = main(networks=parser.parse_args().networks)
+    parser = study_parser(__doc__)
+    add_networks(parser)
+    answer, shares = main(**vars(parser.parse_args()))
     print(markdown(answer), paired(answer), paired(answer, ("present-lstm", "paper-dense")), sep="\n\n")
     print("\nShare of the LSTM's loads that comes from the samples 1 and 2 ms back (rms over deviation):")
     print(", ".join(f"{body} {100 * share:.1f} %" for body, share in zip(BODIES, shares.mean(axis=0), strict=True)))

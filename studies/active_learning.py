@@ -1,25 +1,23 @@
 """Does it pay to compute next what the ensemble disagrees on most, instead of following a grid?
 
-Two runs with the flow in the loop to begin with, the corners D40/U0 and D60/U1: the fewest in which depth and current
-vary. Then one more at a time of the nine, until all are used: (i) where the ensemble disagrees most
-(`exumob.learning.active`), asked without looking at the candidate's run; (ii) a fixed grid, its corners first, then the
-order of the design list (`GRID`); (iii) random orders. After each run an ensemble of three `residual` networks is
+The first two runs with the flow in the loop are the corners D40/U0 and D60/U1, the fewest in which depth and current
+vary. The others of the nine are added one at a time: (i) where the ensemble disagrees most
+(`exumob.learning.disagreement`), which needs no run of the candidate; (ii) in a fixed order, the corners of the grid
+first, then the design list (`GRID`); (iii) in random orders. After each run an ensemble of three `residual` networks is
 trained anew and judged on the four unseen runs, in open loop (loads along the CFD-MBD run's path) and in closed loop
-(the ensemble drives the vehicle, 0.5/20 ms). Nothing is chosen by the unseen runs.
+(the ensemble drives the vehicle, 0.5/20 ms). The unseen runs decide nothing.
 
-Held back for the end of training, at every number of runs alike: a fifth of the time of every run, another from seed
-to seed and from run to run (`fold`). `exumob train` holds back a whole run instead, which two or three runs do not
-allow: the rest would not span depth and current. How much is the luck of the seeds: the same sets, other seeds.
+Validation, which stops the training, uses a fifth of the time of every run, another for each seed and run (`fold`).
+`exumob train` uses a whole run instead, which two or three runs do not allow: the rest would not span depth and
+current. The same sets with other seeds show how much is chance.
 
-Then forward: which scenario should be computed next, after all thirteen? The ensemble that comes with exumob is asked
-about `CANDIDATES`, none of which has been run.
+Which scenario should then be computed next, after all thirteen? The ensemble that comes with exumob is asked about
+`CANDIDATES`, none of which has been run.
 
-Every trained network and every measure is kept in a folder, by its set of runs; the study goes on where it was stopped.
-
-Run: python studies/active_learning.py --work runs/active_learning
+Run: python studies/active_learning.py --work runs/active_learning     (some hours; every trained network and every
+measure is kept in that folder, and the same command continues after a stop)
 """
 
-import argparse
 import json
 import logging
 import time
@@ -31,37 +29,38 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
+from common import CFD_RUNS, save, study_parser
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from scipy.stats import spearmanr
 
-from exumob.learning.active import load_scale, rank
 from exumob.learning.dataset import base_loads, load_runs, usable
+from exumob.learning.disagreement import load_scale, rank
 from exumob.learning.evaluation import FAST, THINNING, closed_loop, drive, open_loop, predicted_loads
+from exumob.learning.examples import Examples, build_examples
+from exumob.learning.fitting import fit_body
 from exumob.learning.presets import BEST, PRESETS, Preset
-from exumob.learning.training import Examples, examples, fit_body
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
-from exumob.simulation.result_files import save_dataset
 from exumob.support.errors import SimulationError
-from exumob.support.figures import STYLE, save_figure
+from exumob.support.figures import STYLE
+from exumob.support.files import atomic_write
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
 from exumob.surrogates.networks import NetworkSet, geometry
 from vehicle_models.amphibious import amphibious_vehicle
 
-FIGURES = Path(__file__).parent / "figures"
-DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"
 START = ("D40/U0", "D60/U1")
 CORNERS = (*START, "D40/U1", "D60/U0")
 GRID = CORNERS + tuple(s.name for s in TRAINING if s.name not in CORNERS)
 """The fixed order: corners of depth and current, then the design list's order."""
 FOLDS = 5
-"""A run is cut into so many pieces, of which every seed holds back one."""
+"""Number of pieces into which a run is cut; every seed keeps one of them for validation."""
 SEEDS, OTHER_SEEDS = (0, 1, 2), (3, 4, 5)
-"""Of the ensembles, and of those that tell how much is luck."""
+"""Seeds of the ensembles, and of those that show how much is chance."""
 ORDERS = 3
-"""Random orders"""
+"""Number of random orders."""
 UNITS = {"load_error": "1", "final": "%", "path": "%", "yaw": "deg", "fallback": "1"}
-"""Measures of an ensemble on an unseen run (`exumob.learning.evaluation`), and the coefficient model's share in it."""
+"""Units of the measures of an ensemble on an unseen run: errors (`exumob.learning.evaluation`), and the share of the
+coefficient model in its loads."""
 CANDIDATES = tuple(
     Scenario(depth, current) for depth in (0.4, 0.45, 0.5, 0.55, 0.6) for current in (0.25, 0.5, 0.75, 1.0)
     if Scenario(depth, current) not in TRAINING + UNSEEN
@@ -69,19 +68,20 @@ CANDIDATES = tuple(
     Scenario(depth, current, steering, angle)
     for depth in (0.45, 0.6) for current in (0.5, 1.0) for angle in (15.0, 30.0) for steering in (30.0, -30.0)
 )  # fmt: skip
-"""Head currents between and beside the runs that there are; currents from the side, steered either way."""
+"""Scenarios that have not been run: currents from ahead between and beside those of the runs; currents from the side,
+steered either way."""
 
-log = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 
 
 def fold(run: int, seed: int, rows: int) -> np.ndarray:
-    """Where a run is held back by a seed: a fifth of its time, in one piece; shape (rows,)."""
+    """Mark the piece of a run that a seed keeps for validation: a fifth of its time; shape (rows,)."""
     return np.arange(rows) * FOLDS // rows == (run + seed) % FOLDS
 
 
 @dataclass
 class Laboratory:
-    """The runs, the ensembles trained on sets of them, and what was measured: each made once and kept in a folder."""
+    """The runs, the ensembles trained on sets of them, and their measures: each made once and kept in a folder."""
 
     work: Path
     names: tuple[str, ...] = GRID
@@ -89,13 +89,13 @@ class Laboratory:
     unseen: tuple[Scenario, ...] = UNSEEN
     preset: Preset = PRESETS[BEST]
     steps: dict[str, Any] = field(default_factory=lambda: dict(FAST))
-    told: Callable[[str], None] = log.info
+    progress: Callable[[str], None] = logger.info
 
     def __post_init__(self) -> None:
         self.work.mkdir(parents=True, exist_ok=True)
         self.vehicle = amphibious_vehicle()
-        self.runs = load_runs(DATA / f"{Scenario.named(name).file_stem}.nc" for name in self.names)
-        self.references = load_runs(DATA / f"{scenario.file_stem}.nc" for scenario in self.unseen)
+        self.runs = load_runs(CFD_RUNS / f"{Scenario.named(name).file_stem}.nc" for name in self.names)
+        self.references = load_runs(CFD_RUNS / f"{scenario.file_stem}.nc" for scenario in self.unseen)
         self._bodies: list[Examples] = []
         self._base: dict[str, np.ndarray] = {}
 
@@ -106,22 +106,22 @@ class Laboratory:
             if not file.exists():
                 began = time.process_time()
                 self._train(sorted(chosen), seed).save(file)
-                self.told(f"{file.stem}: trained in {time.process_time() - began:.0f} s")
+                self.progress(f"{file.stem}: trained in {time.process_time() - began:.0f} s")
         return [NetworkSet.load(file) for file in files]
 
     def _train(self, chosen: Sequence[str], seed: int) -> NetworkSet:
         if not self._bodies:
-            self._names, self._bodies = examples(self.runs, self.vehicle, self.preset)
+            self._names, self._bodies = build_examples(self.runs, self.vehicle, self.preset)
         which = [self._names.index(name) for name in chosen]
-        held = [fold(n, seed, len(self._bodies[0].usable[n])) for n in which]
+        validation = [fold(n, seed, len(self._bodies[0].usable[n])) for n in which]
         learn = len(which) * (2 if self.preset.mirror else 1)
         bodies = []
         for b, found in enumerate(self._bodies):
             entries = which + [len(self._names) + n for n in which if self.preset.mirror]
             parts = Examples(
                 [found.inputs[n] for n in entries + which], [found.loads[n] for n in entries + which],
-                [found.usable[n] & ~held[k % len(which)] for k, n in enumerate(entries)]
-                + [found.usable[n] & held[k] for k, n in enumerate(which)],
+                [found.usable[n] & ~validation[k % len(which)] for k, n in enumerate(entries)]
+                + [found.usable[n] & validation[k] for k, n in enumerate(which)],
             )  # fmt: skip
             bodies.append(
                 fit_body(parts, range(learn), range(learn, learn + len(which)), self.preset, seed, b)
@@ -134,7 +134,7 @@ class Laboratory:
         return NetworkSet(self.preset.architecture, arrays, about)
 
     def measures(self, chosen: Iterable[str], seeds: Sequence[int] = SEEDS) -> dict[str, dict[str, Any]]:
-        """What an ensemble does on each unseen run: `UNITS`, and the members' load errors."""
+        """Measures (`UNITS`) of an ensemble on each unseen run, and the load errors of its members."""
         what = f"measures_{''.join(map(str, seeds))}"
         return self._kept(chosen, what, lambda: self._measure(self.ensemble(chosen, seeds)))
 
@@ -151,16 +151,16 @@ class Laboratory:
                 one |= closed_loop(run, reference)
                 one["fallback"] = float(run["hydrodynamics_fallback_share"].max("body").mean())
             except SimulationError as error:
-                log.warning("%s cannot be driven: %s", name, error)
+                logger.warning("%s cannot be driven: %s", name, error)
                 one |= dict.fromkeys(("path", "final", "yaw", "fallback"), float("nan"))
             found[name] = one
         return found
 
-    def asked(self, chosen: Sequence[str]) -> dict[str, dict[str, float]]:
-        """Disagreement on every run that is left, and (looked up afterwards, for judging only) the true error there."""
-        return self._kept(chosen, "asked", lambda: self._ask(chosen))
+    def disagreements(self, chosen: Sequence[str]) -> dict[str, dict[str, float]]:
+        """Disagreement on every run that is left, and, for judging it only, the true error there."""
+        return self._kept(chosen, "asked", lambda: self._disagreements(chosen))
 
-    def _ask(self, chosen: Sequence[str]) -> dict[str, dict[str, float]]:
+    def _disagreements(self, chosen: Sequence[str]) -> dict[str, dict[str, float]]:
         networks = self.ensemble(chosen)
         left = [Scenario.named(name) for name in self.names if name not in chosen]
         found = {}
@@ -180,10 +180,10 @@ class Laboratory:
         """The runs in the order in which disagreement chooses them."""
         chosen = list(self.names[:2])
         while len(chosen) < len(self.names):
-            left = self.asked(chosen)
+            left = self.disagreements(chosen)
             best = max(left, key=lambda name: left[name]["disagreement"])
-            said = ", ".join(f"{name} {one['disagreement']:.2f}" for name, one in left.items())
-            self.told(f"{len(chosen)} runs, next {best}: {said}")
+            listed = ", ".join(f"{name} {one['disagreement']:.2f}" for name, one in left.items())
+            self.progress(f"{len(chosen)} runs, next {best}: {listed}")
             chosen.append(best)
         return chosen
 
@@ -197,7 +197,7 @@ class Laboratory:
                     found[scenario.name] = {
                         "disagreement": one.total, "out_of_range": one.out_of_range, "fallback": one.fallback
                     }  # fmt: skip
-                    self.told(f"{scenario.name}: {one.total:.3f}, out of range {100 * one.out_of_range:.0f} %")
+                    self.progress(f"{scenario.name}: {one.total:.3f}, out of range {100 * one.out_of_range:.0f} %")
                 _write(kept, found)
         return {s.name: found[s.name] for s in candidates if s.name in found}
 
@@ -215,32 +215,31 @@ class Laboratory:
         if not file.exists():
             began = time.process_time()
             _write(file, make())
-            self.told(f"{file.stem}: {time.process_time() - began:.0f} s")
+            self.progress(f"{file.stem}: {time.process_time() - began:.0f} s")
         return dict(json.loads(file.read_text()))
 
 
 def _write(file: Path, content: dict[str, Any]) -> None:
-    partial = file.with_suffix(".partial")
-    partial.write_text(json.dumps(content))
-    partial.replace(file)
+    with atomic_write(file) as temporary:
+        temporary.write_text(json.dumps(content))
 
 
 def random_orders(names: Sequence[str], number: int) -> list[list[str]]:
-    """Orders that begin with the same two runs; the same ones whenever asked."""
+    """Random orders that begin with the same two runs; every call gives the same ones."""
     rng = np.random.default_rng(2024)
     return [[*names[:2], *(str(name) for name in rng.permutation(list(names[2:])))] for _ in range(number)]
 
 
 def learning_curves(laboratory: Laboratory, orders: int, again: bool = True) -> xr.Dataset:
-    """All orders, the measures along them, and what was asked on the way.
+    """Follow all orders: the measures along them, and the disagreements on the way.
 
     Parameters
     ----------
     laboratory : Laboratory
     orders : int
-        Random ones.
+        Number of random orders.
     again : bool
-        Whether the ensembles of the active and the fixed order are trained again with other seeds.
+        Train the ensembles of the active and the fixed order again with other seeds.
 
     Returns
     -------
@@ -261,7 +260,7 @@ def learning_curves(laboratory: Laboratory, orders: int, again: bool = True) -> 
         found = laboratory.measures(list(every.values())[k][: sizes[n]], (SEEDS, OTHER_SEEDS)[which])
         for measure in UNITS:
             values[measure][which, k, n] = [found[name][measure] for name in laboratory.references]
-    asked = [laboratory.asked(every["active"][:n]) for n in sizes[:-1]]
+    asked = [laboratory.disagreements(every["active"][:n]) for n in sizes[:-1]]
     about = {
         kept: np.array([[step.get(name, {}).get(key, np.nan) for name in names] for step in [*asked, {}]])
         for kept, key in (("disagreement", "disagreement"), ("true_error", "error"))
@@ -299,7 +298,7 @@ def foresight(table: xr.Dataset) -> xr.DataArray:
 
 
 def plot(table: xr.Dataset) -> Figure:
-    """Errors against the number of runs; the runs in the plane of depth and current, with their places in the order."""
+    """Draw errors against the number of runs; the runs over depth and current, with their places in the order."""
     colors = {"fixed": "C1", "active": "C0"}  # active on top where both are the same
     with plt.rc_context(STYLE):
         figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12.0, 4.0), layout="constrained")
@@ -352,19 +351,19 @@ def plot(table: xr.Dataset) -> Figure:
 
 
 def _same(table: xr.Dataset, n: int) -> bool:
-    """Whether active and fixed have made the same set of runs by a step."""
+    """True if the active and the fixed order have chosen the same set of runs by a step."""
     one, other = ({*_names(table, order)[: n + 2]} for order in ("active", "fixed"))
     return one == other
 
 
 def _names(table: xr.Dataset, order: str) -> list[str]:
-    """Runs along an order."""
+    """Names of the runs along an order."""
     first, *others = (str(name) for name in table["added"].sel(order=order).values)
     return [*first.split(" + "), *others]
 
 
 def plot_forward(table: xr.Dataset) -> Figure:
-    """Disagreement on scenarios that have not been run, the largest on top."""
+    """Draw the disagreement on scenarios that have not been run, the largest on top."""
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(7.5, 5.4), layout="constrained")
         names = [str(name) for name in table["next"].values]
@@ -388,7 +387,7 @@ def plot_forward(table: xr.Dataset) -> Figure:
 
 
 def report(table: xr.Dataset) -> str:
-    """The curves as a table, and what they are worth."""
+    """Table of the curves; the gain of the active order beside the chance of the seeds."""
     lines = [
         "| runs | active adds | load error | final | fixed adds | load error | final | random: load error | final |",
         "|---" * 9 + "|",
@@ -427,13 +426,13 @@ def report(table: xr.Dataset) -> str:
 
 
 def main(quick: bool = False, work: Path = Path("runs/active_learning")) -> xr.Dataset:
-    """Follow all orders, rank what has not been run; return the learning curves and the ranking in one Dataset."""
+    """Follow all orders, rank the candidates; return the learning curves and the ranking in one Dataset."""
     if quick:
         tiny = Preset("tiny", PRESETS[BEST].architecture, epochs=3, thinning=64, mirror=True)
-        laboratory = Laboratory(work, GRID[:4], UNSEEN[:1], tiny, dict(FAST) | {"duration": 0.5})
+        laboratory = Laboratory(work / "quick", GRID[:4], UNSEEN[:1], tiny, dict(FAST) | {"duration": 0.5})
         candidates: Sequence[Scenario] = CANDIDATES[-1:]
     else:
-        laboratory, candidates = Laboratory(work, told=print), CANDIDATES
+        laboratory, candidates = Laboratory(work, progress=print), CANDIDATES
     table = learning_curves(laboratory, 0 if quick else ORDERS, again=not quick)
     found = laboratory.forward(candidates, [NetworkSet.load(file) for file in shipped_networks()])
     ranked = sorted(found, key=lambda name: found[name]["disagreement"], reverse=True)
@@ -441,20 +440,20 @@ def main(quick: bool = False, work: Path = Path("runs/active_learning")) -> xr.D
         table[f"next_{key}"] = ("next", [found[name][key] for name in ranked], {"units": "1"})
     table = table.assign_coords(next=ranked)
     if not quick:
-        FIGURES.mkdir(exist_ok=True)
-        save_figure(plot(table), FIGURES / "active_learning.png")
-        save_figure(plot_forward(table), FIGURES / "active_learning_next.png")
-        save_dataset(table, FIGURES / "active_learning.nc")
+        save(
+            {
+                "active_learning.png": plot(table),
+                "active_learning_next.png": plot_forward(table),
+                "active_learning.nc": table,
+            }
+        )
     return table
 
 
 if __name__ == "__main__":
-    import matplotlib
-
-    matplotlib.use("Agg")
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = study_parser(__doc__)
     parser.add_argument("--work", type=Path, default=Path("runs/active_learning"), help="what is kept of the work")
-    answer = main(work=parser.parse_args().work)
+    answer = main(**vars(parser.parse_args()))
     print("\n" + report(answer) + "\n\nto compute next:")
     for name, value, outside in zip(
         answer["next"].values, answer["next_disagreement"].values, answer["next_out_of_range"].values, strict=True

@@ -1,15 +1,15 @@
 """What does water do to a lane change, with the flow in the loop? (paper, Sec. 4, Figs. 5 to 9)
 
-No water, D60/U0, D60/U1, D40/U0 and D40/U1 at the production resolution; D60/U1 also on finer cells, in a window twice
-as wide, mirrored, with a macro step of 2 ms, and with the coefficient model. The runs of the data set are taken from
-there; the others are kept and gone on with as in `generate_training_data.py`, and take half an hour and more each.
+No water is compared with D60/U0, D60/U1, D40/U0 and D40/U1, and each of the paper's observations with these runs. The
+uncertainty of D60/U1 is seen on finer cells, in a window twice as wide, mirrored, with a macro step of 2 ms, and beside
+the coefficient model. Runs of the data set are read; the others are computed as in `generate_training_data.py`.
 
-Run: python studies/cfd_lane_change.py [--jobs 2] [--present]     (--present: with the runs that there are)
+Run: python studies/cfd_lane_change.py --present               (a minute, with the runs that there are)
+     python studies/cfd_lane_change.py [--jobs 2]              (half an hour and more for each run that is missing)
 """
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,6 +17,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
+from common import CFD_RUNS, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob import Soil, lane_change, simulate
@@ -25,12 +26,10 @@ from exumob.paper.reference_runs import SOIL, FlowRun, compute_all, set_up_log, 
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
 from exumob.simulation.plotting import plot_lateral_velocity, plot_path, plot_yaw
 from exumob.simulation.result_files import load_dataset, save_dataset
-from exumob.support.figures import STYLE, save_figure
+from exumob.support.figures import STYLE
 from exumob.support.smoothing import smoothed
 from vehicle_models.amphibious import amphibious_vehicle
 
-FIGURES = Path(__file__).parent / "figures"
-DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"
 WORST = FlowRun(Scenario.named("D60/U1"))
 RUNS = {name: FlowRun(Scenario.named(name)) for name in ("D60/U0", "D60/U1", "D40/U0", "D40/U1")}
 VARIANTS = {
@@ -39,16 +38,16 @@ VARIANTS = {
     "mirrored": dataclasses.replace(WORST, scenario=Scenario.named("D60/U1/-30deg")),
     "macro step 2 ms": dataclasses.replace(WORST, macro_step=2e-3),
 }
-"""Of D60/U1: what separates them is the uncertainty of the run."""
+"""Variants of D60/U1: their differences show the uncertainty of the run."""
 COLORS = {"no water": "0.4", "D60/U0": "C0", "D60/U1": "C3", "D40/U0": "C2", "D40/U1": "C1"}
 LOAD_WINDOW = 0.1
-"""Of the average in figures and in the claims about loads [s]."""
+"""Length of the moving average of the loads in figures and claims [s]."""
 TURN = slice(2.0, 5.5)
-"""While the wheels are steered [s]."""
+"""Time in which the wheels are steered [s]."""
 
 
 def simple_runs() -> dict[str, xr.Dataset]:
-    """No water at all; D60/U1 with the coefficient model."""
+    """Runs without the flow in the loop: no water, and D60/U1 with the coefficient model."""
     vehicle, soil = amphibious_vehicle(), Soil.published(SOIL)
     return {
         "no water": simulate(vehicle, soil, None, lane_change(), record_step=1e-3),
@@ -59,13 +58,13 @@ def simple_runs() -> dict[str, xr.Dataset]:
 
 
 def packed_file(run: FlowRun) -> Path:
-    """Where a run is kept with the data set: of the variants in a folder of their own."""
-    ours = run.scenario in TRAINING + UNSEEN and run == FlowRun(run.scenario)
-    return DATA / f"{run.scenario.file_stem}.nc" if ours else DATA / "variants" / f"{run.name}.nc"
+    """File of a packed run in the data set; the variants have a folder of their own."""
+    of_data_set = run.scenario in TRAINING + UNSEEN and run == FlowRun(run.scenario)
+    return CFD_RUNS / f"{run.scenario.file_stem}.nc" if of_data_set else CFD_RUNS / "variants" / f"{run.name}.nc"
 
 
 def flow_runs(runs: Mapping[str, FlowRun], jobs: int, present_only: bool) -> dict[str, xr.Dataset]:
-    """Whole results by name: those that there are, and the others, unless only the former are wanted."""
+    """Results by name: those that there are, and, unless `present_only`, the others, which are computed."""
     work = work_folder()
     found = {}
     for name, run in runs.items():
@@ -89,7 +88,7 @@ def flow_runs(runs: Mapping[str, FlowRun], jobs: int, present_only: bool) -> dic
 
 
 def trajectories(runs: Mapping[str, xr.Dataset]) -> Figure:
-    """Paths (paper Fig. 6)."""
+    """Draw the paths (paper Fig. 6)."""
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(9.0, 3.4), layout="constrained")
         for name, run in runs.items():
@@ -100,7 +99,7 @@ def trajectories(runs: Mapping[str, xr.Dataset]) -> Figure:
 
 
 def hull_loads(runs: Mapping[str, xr.Dataset]) -> Figure:
-    """Force and moment of the water on the hull in body axes (paper Fig. 7)."""
+    """Draw force and moment of the water on the hull in body axes (paper Fig. 7)."""
     with plt.rc_context(STYLE):
         figure, panels = plt.subplots(2, 3, figsize=(11.0, 5.4), sharex=True, layout="constrained")
         for name, run in runs.items():
@@ -118,7 +117,7 @@ def hull_loads(runs: Mapping[str, xr.Dataset]) -> Figure:
 
 
 def motions(runs: Mapping[str, xr.Dataset]) -> Figure:
-    """Lateral velocity and yaw (paper Fig. 8)."""
+    """Draw lateral velocity and yaw (paper Fig. 8)."""
     with plt.rc_context(STYLE):
         figure, (left, right) = plt.subplots(1, 2, figsize=(11.0, 3.6), layout="constrained")
         for name, run in runs.items():
@@ -129,7 +128,7 @@ def motions(runs: Mapping[str, xr.Dataset]) -> Figure:
 
 
 def uncertainty(runs: Mapping[str, xr.Dataset], coefficients: xr.Dataset) -> Figure:
-    """D60/U1 and its variants: path and yaw; the mirrored run mirrored back."""
+    """Draw path and yaw of D60/U1 and its variants; the mirrored run is mirrored back."""
     with plt.rc_context(STYLE):
         figure, (left, right) = plt.subplots(
             1, 2, figsize=(11.0, 3.6), layout="constrained", gridspec_kw={"width_ratios": [1.6, 1.0]}
@@ -148,7 +147,7 @@ def uncertainty(runs: Mapping[str, xr.Dataset], coefficients: xr.Dataset) -> Fig
 
 
 def surfaces(runs: Mapping[str, xr.Dataset]) -> Figure:
-    """Free surface every 2 s (paper Fig. 9)."""
+    """Draw the free surface every 2 s (paper Fig. 9)."""
     from exumob.flow.output.pictures import plot_surfaces
 
     figure = plt.figure(figsize=(11.0, 3.3 * len(runs)), layout="constrained")
@@ -163,15 +162,15 @@ def surfaces(runs: Mapping[str, xr.Dataset]) -> Figure:
 
 
 def measures(run: xr.Dataset) -> dict[str, float]:
-    """What the paper's observations are about.
+    """Measure the quantities that the paper's observations are about.
 
     Returns
     -------
     dict
-        forward, lateral [m] displacement; straight [m], way until the wheels are steered; yaw [deg] at the end;
-        yaw_late [deg], largest size after 5.5 s; lateral_late [m/s], largest lateral speed in the last second; Fx, Fz
-        [N] of the water on the hull, mean from 1 s on; Fy, Mz [N, N m], rms while the wheels are steered; Mx, My
-        [N m], deviation then.
+        ``forward``, ``lateral``: displacement [m]; ``straight``: distance until the wheels are steered [m]; ``yaw`` at
+        the end [deg]; ``yaw_late``: largest size of the yaw after 5.5 s [deg]; ``lateral_late``: largest lateral speed
+        in the last second [m/s]; ``Fx``, ``Fz``: mean force of the water on the hull from 1 s on [N]; ``Fy``, ``Mz``:
+        root mean square while the wheels are steered [N, N m]; ``Mx``, ``My``: standard deviation then [N m].
     """
     hull = run.sel(body="hull")
     place, time = hull["position"].values, run["time"]
@@ -196,7 +195,7 @@ def measures(run: xr.Dataset) -> dict[str, float]:
 
 
 def table(runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
-    """Measures of every run, with effort of those with the flow in the loop."""
+    """Measures of every run, with the effort of those with the flow in the loop."""
     rows = {name: measures(run) for name, run in runs.items()}
     for name, run in runs.items():
         rows[name]["hours"] = (run.attrs["wall_time"] + run.attrs["settling_wall_time"]) / 3600.0
@@ -210,7 +209,7 @@ def table(runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
 
 DRY, CALM, HEAD, LOW = "no water", "D60/U0", "D60/U1", "D40/U1"
 CLAIMS = (
-    # said; measure, unit; run, run that it is compared with; whether it holds
+    # claim; measure, unit; run, run that it is compared with; condition under which it holds
     ("calm water: shorter path than on dry ground", "forward", "m", CALM, DRY, lambda a, b: a < b),
     ("calm water: smaller lateral displacement", "lateral", "m", CALM, DRY, lambda a, b: a < b),
     ("calm water: the maneuver succeeds, yaw returns to 3 deg", "yaw", "deg", CALM, DRY, lambda a, b: abs(a) < 3.0),
@@ -225,11 +224,11 @@ CLAIMS = (
     ("40 % depth: much less buoyancy (half)", "Fz", "N", LOW, HEAD, lambda a, b: a < 0.5 * b),
     ("40 % depth: much less yaw left (half)", "yaw", "deg", LOW, HEAD, lambda a, b: abs(a) < 0.5 * abs(b)),
 )  # fmt: skip
-"""The paper's observations (Sec. 4) as numbers; the shares and angles in them are ours."""
+"""The paper's observations (Sec. 4) as numbers; the thresholds in them were chosen by us, the paper gives none."""
 
 
 def claims(found: xr.Dataset) -> list[tuple[str, str, bool]]:
-    """What the paper says, what is found, and whether it holds here, as far as the runs are there."""
+    """Claims of the paper, the numbers found, and whether each holds, as far as the runs are there."""
     answers = []
     for text, name, unit, one, other, holds in CLAIMS:
         if {one, other} <= set(found["run"].values):
@@ -257,30 +256,27 @@ def main(quick: bool = False, jobs: int = 2, present_only: bool = False) -> xr.D
     flows = flow_runs({**RUNS, **VARIANTS}, jobs, present_only)
     runs = {"no water": simple["no water"], **{name: flows[name] for name in RUNS if name in flows}}
     worst = {name: flows[name] for name in ("D60/U1", *VARIANTS) if name in flows}
-    FIGURES.mkdir(exist_ok=True)
-    save_figure(trajectories(runs), FIGURES / "cfd_trajectories.png")
-    save_figure(hull_loads(runs), FIGURES / "cfd_hull_loads.png")
-    save_figure(motions(runs), FIGURES / "cfd_motions.png")
+    outputs: dict[str, Figure | xr.Dataset] = {
+        "cfd_trajectories.png": trajectories(runs),
+        "cfd_hull_loads.png": hull_loads(runs),
+        "cfd_motions.png": motions(runs),
+    }
     wet = {name: run for name, run in runs.items() if name in ("D60/U0", "D60/U1", "D40/U1")}
     if wet and all("snapshot_quaternion" in run for run in wet.values()):  # packed runs hold too little of the vehicle
-        save_figure(surfaces(wet), FIGURES / "cfd_surfaces.png")
+        outputs["cfd_surfaces.png"] = surfaces(wet)
     if "D60/U1" in worst:
-        save_figure(uncertainty(worst, simple["D60/U1, coefficients"]), FIGURES / "cfd_uncertainty.png")
+        outputs["cfd_uncertainty.png"] = uncertainty(worst, simple["D60/U1, coefficients"])
     result = table({**runs, **worst, "D60/U1, coefficients": simple["D60/U1, coefficients"]})
-    save_dataset(result, FIGURES / "cfd_lane_change.nc")
+    save(outputs | {"cfd_lane_change.nc": result})
     return result
 
 
 if __name__ == "__main__":
-    import matplotlib
-
-    matplotlib.use("Agg")
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--present", action="store_true", help="do not compute what is missing")
-    given = parser.parse_args()
+    parser = study_parser(__doc__)
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
+    parser.add_argument("--present", dest="present_only", action="store_true", help="do not compute what is missing")
     set_up_log()
-    answer = main(jobs=given.jobs, present_only=given.present)
+    answer = main(**vars(parser.parse_args()))
     print(answer.to_pandas().round(3).T.to_string())
     for text, numbers, holds in claims(answer):
         print(f"| {text} | {numbers} | {'yes' if holds else '**no**'} |")

@@ -1,53 +1,50 @@
 """What does a lane change cost, and what does a longer macro step do to it? (paper Sec. 5.3)
 
-D60/U1, 8 s, one core: macro step 1, 5, 10, 20, 50 ms, multibody step 0.1 and 0.5 ms, with the coefficient model, one
-set of the paper's LSTM networks, and the ensemble that comes with exumob. Error of the steps: against the same model at
-0.1/1 ms. Beside it the CFD-MBD run, and the paper's times (1,099 s, and 214 s at 0.5/20 ms, on 28 processors; CFD-MBD
-73 h on 336).
+D60/U1 of 8 s is driven on one core with macro steps of 1 to 50 ms and multibody steps of 0.1 and 0.5 ms, with the
+coefficient model, one set of the paper's LSTM networks, and the ensemble that comes with exumob. The error of the steps
+counts from the same model at 0.1/1 ms; the times are compared with the CFD-MBD run's and with the paper's (1,099 s, and
+214 s at 0.5/20 ms, on 28 processors; CFD-MBD 73 h on 336).
 
 First: exumob train --preset paper-lstm --output networks
-Run: python studies/computational_time.py --networks networks
+Run: python studies/computational_time.py --networks networks     (about ten minutes on one core)
 """
 
-import argparse
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
+from common import CFD_RUNS, add_networks, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import closed_loop, drive
 from exumob.paper.scenarios import Scenario
-from exumob.simulation.result_files import save_dataset
-from exumob.support.figures import STYLE, save_figure
+from exumob.support.figures import STYLE
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.hydrodynamics import Hydrodynamics
 from vehicle_models.amphibious import amphibious_vehicle
 
-FIGURES = Path(__file__).parent / "figures"
-DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"
 SCENARIO = Scenario.named("D60/U1")
 MACRO = (1.0, 5.0, 10.0, 20.0, 50.0)
-"""[ms]"""
+"""Macro steps [ms]."""
 MICRO = (0.1, 0.5)
-"""[ms]"""
+"""Multibody steps [ms]."""
 PAPER = {
     "0.1/1 ms, 28 processors": 1099.0 * 28 / 3600,
     "0.5/20 ms, 28 processors": 214.0 * 28 / 3600,
     "CFD-MBD": 73.0 * 336,
 }
-"""Core hours of the paper (Sec. 5.3)."""
+"""Cost of the paper's runs [core hours] (Sec. 5.3)."""
 
 
 def cfd_wall_time() -> float:
-    """Of a run with the flow in the loop [s, one core]: median of those of the data set that were never stopped.
+    """Wall time of a run with the flow in the loop on one core [s]: median over those that were never stopped.
 
-    What a run took before it was last stopped is not in its file; such a one shows no time for the developing water.
+    The file of a run holds the time since it was last continued; one that was stopped shows none for the settling.
     """
-    runs = load_runs(sorted(DATA.glob("*.nc"))).values()
+    runs = load_runs(sorted(CFD_RUNS.glob("*.nc"))).values()
     walls = [(float(run.attrs["settling_wall_time"]), float(run.attrs["wall_time"])) for run in runs]
     return float(np.median([settling + wall for settling, wall in walls if settling > 60.0]))
 
@@ -55,7 +52,7 @@ def cfd_wall_time() -> float:
 def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
     """Drive with every pair of steps; return wall time and errors, dims (model, micro, macro)."""
     vehicle = amphibious_vehicle()
-    reference = load_runs([DATA / f"{SCENARIO.file_stem}.nc"])[SCENARIO.name]
+    reference = load_runs([CFD_RUNS / f"{SCENARIO.file_stem}.nc"])[SCENARIO.name]
     models: dict[str, Hydrodynamics] = {"ensemble of five": SurrogateHydrodynamics()}
     if not quick:
         lstm = sorted(networks.glob("paper-lstm_seed*.safetensors"))
@@ -66,11 +63,12 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
     drive(SCENARIO, next(iter(models.values())), vehicle, {"micro_step": 5e-4, "macro_step": 20e-3})  # compile
     shape = (len(models), len(micro), len(macro))
     wall, step_error, final, yaw = (np.full(shape, np.nan) for _ in range(4))
-    for m, (model, water) in enumerate(models.items()):
+    for m, (model, hydrodynamics) in enumerate(models.items()):
         finest: xr.Dataset | None = None
         for i, fine in enumerate(micro):
             for j, coarse in enumerate(macro):
-                run = drive(SCENARIO, water, vehicle, {"micro_step": 1e-3 * fine, "macro_step": 1e-3 * coarse})
+                steps = {"micro_step": 1e-3 * fine, "macro_step": 1e-3 * coarse}
+                run = drive(SCENARIO, hydrodynamics, vehicle, steps)
                 finest = run if finest is None else finest
                 off = run["position"].sel(body="hull") - finest["position"].sel(body="hull")
                 measured = closed_loop(run, reference)
@@ -91,16 +89,14 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
         {"cfd_wall_time": cfd_wall_time()},
     )
     if not quick:
-        FIGURES.mkdir(exist_ok=True)
-        save_figure(figure(table), FIGURES / "computational_time.png")
-        save_dataset(table, FIGURES / "computational_time.nc")
+        save({"computational_time.png": plot(table), "computational_time.nc": table})
     return table
 
 
-def figure(table: xr.Dataset) -> Figure:
-    """Time and error over the macro step."""
+def plot(table: xr.Dataset) -> Figure:
+    """Draw time and error over the macro step."""
     with plt.rc_context(STYLE):
-        drawn, (left, right) = plt.subplots(1, 2, figsize=(10.0, 3.6), layout="constrained")
+        figure, (left, right) = plt.subplots(1, 2, figsize=(10.0, 3.6), layout="constrained")
         for m, model in enumerate(table["model"].values):
             for micro, line in zip(table["micro"].values, ("-", "--"), strict=False):
                 one = table.sel(model=model, micro=micro)
@@ -115,12 +111,12 @@ def figure(table: xr.Dataset) -> Figure:
             axes.set_xticks(table["macro"].values, [f"{m:g}" for m in table["macro"].values])
             axes.minorticks_off()
         left.set_yticks((5, 10, 20, 40), ("5", "10", "20", "40"))
-        drawn.legend(loc="outside right center", fontsize="small")
-    return drawn
+        figure.legend(loc="outside right center", fontsize="small")
+    return figure
 
 
 def markdown(table: xr.Dataset) -> str:
-    """Rows: model and multibody step; columns: macro step."""
+    """Table with a row for each model and multibody step, a column for each macro step."""
     macro = table["macro"].values
     lines = [f"| model, multibody step | {' | '.join(f'{m:g} ms' for m in macro)} |", "|---" * (len(macro) + 1) + "|"]
     for model in table["model"].values:
@@ -134,12 +130,9 @@ def markdown(table: xr.Dataset) -> str:
 
 
 if __name__ == "__main__":
-    import matplotlib
-
-    matplotlib.use("Agg")
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--networks", type=Path, default=Path("networks"), help="folder of `exumob train`")
-    answer = main(networks=parser.parse_args().networks)
+    parser = study_parser(__doc__)
+    add_networks(parser)
+    answer = main(**vars(parser.parse_args()))
     print(markdown(answer))
     one = answer.sel(model="ensemble of five", micro=0.5, macro=20.0)
     cfd, fast = answer.attrs["cfd_wall_time"], float(one["wall_time"])

@@ -1,20 +1,18 @@
 """What does water do to a lane change? (after the paper's Figs. 6 and 8; half a minute on one core)
 
-No water against depths of 40 % and 60 % of the tyre diameter, calm and with a head current of 1 m/s, all with the
-coefficient model of the water: quasi-steady, hull and wheels independent. It is the reduced-order kind of model that
-the paper argues against, so these are the baseline's answers, not the paper's.
+No water is compared with depths of 40 % and 60 % of the tyre diameter, calm and with a head current of 1 m/s, all with
+the coefficient model: quasi-steady, hull and wheels independent. It is the reduced-order kind of model that the paper
+argues against, so these are the baseline's answers, not the paper's.
 
-Run: python studies/lane_change.py
+Run: python studies/lane_change.py     (half a minute)
 """
-
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from common import save, study_parser
 
 from exumob import Soil, Water, lane_change, simulate, summary
 from exumob.simulation.plotting import compare_runs
-from exumob.support.figures import save_figure
 from vehicle_models.amphibious import amphibious_vehicle
 
 SCENARIOS = {
@@ -24,7 +22,6 @@ SCENARIOS = {
     "D60/U0": Water.at_ratio(0.6, current_speed=0.0),
     "D60/U1": Water.at_ratio(0.6, current_speed=1.0),
 }
-FIGURES = Path(__file__).parent / "figures"
 
 
 def main(quick: bool = False) -> xr.Dataset:
@@ -34,8 +31,7 @@ def main(quick: bool = False) -> xr.Dataset:
     names = ("no water", "D60/U0", "D60/U1") if quick else tuple(SCENARIOS)
     runs = {name: simulate(vehicle, soil, SCENARIOS[name], lane_change(), **steps) for name in names}
     if not quick:
-        FIGURES.mkdir(exist_ok=True)
-        save_figure(compare_runs(runs), FIGURES / "lane_change.png")
+        save({"lane_change.png": compare_runs(runs)})
     table = [summary(run) for run in runs.values()]
     return xr.Dataset(
         {name: ("scenario", [row[name] for row in table]) for name in table[0]}, coords={"scenario": list(runs)}
@@ -43,10 +39,7 @@ def main(quick: bool = False) -> xr.Dataset:
 
 
 if __name__ == "__main__":
-    import matplotlib
-
-    matplotlib.use("Agg")
-    result = main()
+    result = main(**vars(study_parser(__doc__).parse_args()))
     for scenario in result["scenario"].values:
         row = result.sel(scenario=scenario)
         print(

@@ -1,15 +1,14 @@
 """Can the vehicle hold a line in the current where the open-loop lane change drifts off?
 
-Stanley's steering law (`exumob.driving.path_following`), its three gains tuned for D60/U1 with Exudyn's genetic optimisation
-and then Nelder & Mead's simplex, on the ensemble of networks; the objective is the root mean square distance from the
-line, and 10 mm for each rad/s of steering rate. The tuned driver is then sent through other water, too.
+The three gains of Stanley's steering law (`exumob.driving.path_following`) are tuned for D60/U1 on the ensemble of
+networks, with Exudyn's genetic optimisation and then Nelder & Mead's simplex; the objective is the root mean square
+distance from the line, and 10 mm for each rad/s of steering rate. The tuned driver is then tried in other water, too.
 
-Run: python studies/path_following.py [--workers 2] [--folder tuning]     (half an hour; goes on where it was stopped)
+Run: python studies/path_following.py [--workers 2] [--folder tuning]     (half an hour; continues after a stop)
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -17,15 +16,14 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
+from common import add_workers, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob import LaneChange, PathFollowing, lane_shift
-from exumob.simulation.result_files import save_dataset
-from exumob.support.figures import STYLE, save_figure
-from exumob.sweeps import tune
+from exumob.support.figures import STYLE
+from exumob.sweeps import Genetic, Simplex, tune
 from exumob.sweeps.experiment import Experiment, amphibious_lane_change
 
-FIGURES = Path(__file__).parent / "figures"
 LINE = lane_shift(offset=0.5, start=0.5, length=2.5)
 PATH = PathFollowing(LINE)
 RANGES = {
@@ -44,7 +42,7 @@ WATER = {
 
 
 def objective(run: xr.Dataset) -> float:
-    """What is to be small [m]."""
+    """Objective of the tuning: distance from the line and weighted steering rate [m]."""
     rate = np.gradient(run["steering_angle"].mean("front_wheel").values, run["time"].values)
     return deviation(run) + RATE_WEIGHT * float(np.sqrt(np.mean(rate**2)))
 
@@ -55,7 +53,7 @@ def deviation(run: xr.Dataset) -> float:
 
 
 def measures(run: xr.Dataset) -> dict[str, float]:
-    """How well the line was held: rms and largest distance, and at the end distance, yaw and lateral speed."""
+    """Measure how well the line was held: rms and largest distance, and at the end distance, yaw and lateral speed."""
     off = PATH.deviation(run)
     late = run.sel(time=slice(float(run["time"][-1]) - 1.0, None))
     return {
@@ -67,7 +65,7 @@ def measures(run: xr.Dataset) -> dict[str, float]:
 
 
 def plot(runs: Mapping[str, xr.Dataset]) -> Figure:
-    """Paths and steering in D60/U1."""
+    """Draw paths and steering in D60/U1."""
     with plt.rc_context(STYLE):
         figure, (left, right) = plt.subplots(
             1, 2, figsize=(11.0, 3.6), layout="constrained", gridspec_kw={"width_ratios": [1.5, 1.0]}
@@ -84,23 +82,22 @@ def plot(runs: Mapping[str, xr.Dataset]) -> Figure:
     return figure
 
 
-def main(quick: bool = False, workers: int = 2, folder: Path | None = None) -> xr.Dataset:
-    """Tune, drive, compare; return the measures, dims (driver, water)."""
+def main(quick: bool = False, workers: int = 2, folder: Path = Path("tuning")) -> xr.Dataset:
+    """Tune the driver, drive and compare; return the measures, dims (driver, water)."""
     base = replace(amphibious_lane_change(), duration=12.0)
-    options: dict[str, int] = {"population": 12, "generations": 4}
+    search = Genetic(population=12, generations=4, workers=workers)
     water = WATER
     if quick:
         base = replace(base, hydrodynamics="coefficients", duration=4.0)
-        options = {"population": 4, "generations": 1}
+        search = Genetic(population=4, generations=1, workers=workers)
+        folder = folder / "quick"
         water = {"D60/U1": WATER["D60/U1"]}
-    place = folder or Path("tuning")
     following: Experiment = replace(base, maneuver=PATH).with_values(WATER["D60/U1"])
-    first = tune(following, RANGES, objective, place / "genetic", workers=workers, **options)
+    first = tune(following, RANGES, objective, folder / "genetic", method=search)
     best = first
     if not quick:
-        best = tune(
-            following, RANGES, objective, place / "simplex", method="minimize", start=first.best, evaluations=30
-        )
+        polish = Simplex(start=first.best, evaluations=30)
+        best = tune(following, RANGES, objective, folder / "simplex", method=polish)
     drivers = {
         "open loop": replace(base, maneuver=LaneChange()),
         "as shipped": replace(base, maneuver=PATH),
@@ -125,20 +122,14 @@ def main(quick: bool = False, workers: int = 2, folder: Path | None = None) -> x
     if quick:
         plt.close(figure)
         return result
-    save_figure(figure, FIGURES / "path_following.png")
-    save_dataset(result, FIGURES / "path_following.nc")
+    save({"path_following.png": figure, "path_following.nc": result})
     return result
 
 
 if __name__ == "__main__":
-    import matplotlib
-
-    matplotlib.use("Agg")
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--folder", type=Path, default=Path("tuning"))
-    given = parser.parse_args()
-    answer = main(workers=given.workers, folder=given.folder)
+    parser = study_parser(__doc__)
+    add_workers(parser, "tuning")
+    answer = main(**vars(parser.parse_args()))
     for measure in answer.data_vars:
         print(measure)
         print(answer[measure].to_pandas().round(2).to_string())

@@ -1,20 +1,20 @@
 """Do the networks predict runs that they have never seen? (paper Sec. 5.2, Figs. 12 to 14)
 
 Four lane changes with the flow in the loop were kept from training and from every choice: D50/U0.5, D60/U0.5, D50/U1
-and D50/U0.5 steered by 15 instead of 30 degrees. Here the vehicle drives them with the coefficient model, with the
-regression fitted to the training runs, with the paper's networks and with ours, five seeds each, 0.5 ms / 20 ms.
+and D50/U0.5 steered by 15 instead of 30 degrees. The vehicle drives them at 0.5/20 ms with the published coefficients,
+with a regression fitted to the training runs, with the paper's networks and with those of exumob, five seeds each.
 
 First: exumob train --output networks
-Run: python studies/predict_unseen.py --networks networks
+Run: python studies/predict_unseen.py --networks networks     (about a quarter of an hour)
 """
 
-import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
+from common import CFD_RUNS, add_networks, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob.learning.dataset import load_runs
@@ -22,20 +22,17 @@ from exumob.learning.evaluation import compare
 from exumob.learning.presets import PRESETS
 from exumob.learning.report import ENSEMBLE, by_scenario, markdown, models, plot_paths
 from exumob.paper.scenarios import UNSEEN
-from exumob.simulation.result_files import save_dataset
-from exumob.support.figures import STYLE, save_figure
+from exumob.support.figures import STYLE
 from exumob.support.smoothing import smoothed
 from vehicle_models.amphibious import amphibious_vehicle
 
-FIGURES = Path(__file__).parent / "figures"
-DATA = Path(__file__).parents[1] / "data" / "cfd_mbd"
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-
 Runs = Mapping[tuple[str, str], Sequence[xr.Dataset]]
+"""Runs of the members by model and scenario."""
 
 
 def motions(runs: Runs, references: Mapping[str, xr.Dataset], model: str) -> Figure:
-    """Lateral velocity and yaw (paper Fig. 13)."""
+    """Draw lateral velocity and yaw (paper Fig. 13)."""
     with plt.rc_context(STYLE):
         figure, (left, right) = plt.subplots(1, 2, figsize=(11.0, 3.4), layout="constrained")
         for n, (scenario, reference) in enumerate(references.items()):
@@ -50,7 +47,7 @@ def motions(runs: Runs, references: Mapping[str, xr.Dataset], model: str) -> Fig
 
 
 def hull_loads(runs: Runs, references: Mapping[str, xr.Dataset], model: str, scenario: str = "D50/U0.5") -> Figure:
-    """Loads on the hull (paper Fig. 14), with two standard deviations of the members."""
+    """Draw the loads on the hull (paper Fig. 14), with two standard deviations of the members."""
     run, reference = runs[model, scenario][0], references[scenario]
     true = smoothed(reference["water_wrench"].sel(body="hull").values, 1e-3, 0.05)
     macro = run["hydrodynamics_load_spread"]["macro_time"]
@@ -74,26 +71,26 @@ def hull_loads(runs: Runs, references: Mapping[str, xr.Dataset], model: str, sce
 def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
     """Drive the unseen scenarios with every model; return the table (see `exumob.learning.evaluation.compare`)."""
     names = [scenario.name for scenario in (UNSEEN[:1] if quick else UNSEEN)]
-    files = [DATA / f"{scenario.file_stem}.nc" for scenario in UNSEEN if scenario.name in names]
+    files = [CFD_RUNS / f"{scenario.file_stem}.nc" for scenario in UNSEEN if scenario.name in names]
     runs_by_name = load_runs(files)
     references = {name: runs_by_name[name] for name in names}
     chosen = {n: m for n, m in models(networks, () if quick else tuple(PRESETS)).items() if not quick or n == ENSEMBLE}
-    table, runs = compare(chosen, references, amphibious_vehicle(), told=None if quick else lambda word: print(word))
+    table, runs = compare(chosen, references, amphibious_vehicle(), progress=None if quick else print)
     if quick:
         return table
-    FIGURES.mkdir(exist_ok=True)
-    save_figure(plot_paths(runs, references, [ENSEMBLE]), FIGURES / "unseen_paths.png")
-    save_figure(motions(runs, references, ENSEMBLE), FIGURES / "unseen_motions.png")
-    save_figure(hull_loads(runs, references, ENSEMBLE), FIGURES / "unseen_hull_loads.png")
-    save_dataset(table, FIGURES / "predict_unseen.nc")
+    save(
+        {
+            "unseen_paths.png": plot_paths(runs, references, [ENSEMBLE]),
+            "unseen_motions.png": motions(runs, references, ENSEMBLE),
+            "unseen_hull_loads.png": hull_loads(runs, references, ENSEMBLE),
+            "predict_unseen.nc": table,
+        }
+    )
     return table
 
 
 if __name__ == "__main__":
-    import matplotlib
-
-    matplotlib.use("Agg")
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--networks", type=Path, default=Path("networks"), help="folder of `exumob train`")
-    answer = main(networks=parser.parse_args().networks)
+    parser = study_parser(__doc__)
+    add_networks(parser)
+    answer = main(**vars(parser.parse_args()))
     print(markdown(answer), by_scenario(answer), sep="\n\n")

@@ -63,7 +63,7 @@ def map_command(  # one argument an option of the command line
     from exumob.mobility.crossing import Crossing, Limits
     from exumob.mobility.map import SCATTER, Axis, MobilityMap, compute_map
     from exumob.sweeps.experiment import amphibious_crossing
-    from exumob.sweeps.runner import Progress
+    from exumob.sweeps.run import Progress
     from exumob.vehicle.parameters import load_vehicle
 
     try:
@@ -82,10 +82,10 @@ def map_command(  # one argument an option of the command line
         )  # fmt: skip
         with counting_bar("map", 1, "runs") as (bar, task):
 
-            def reached_so_far(level: str, reached: Progress) -> None:
+            def progress(level: str, reached: Progress) -> None:
                 bar.update(task, description=level, completed=reached.done, total=reached.total)
 
-            result = compute_map(wanted, output, workers=workers, progress=reached_so_far)
+            result = compute_map(wanted, output, workers=workers, progress=progress)
     except (ValueError, RuntimeError, OSError) as error:
         fail(error)
     except KeyboardInterrupt:

@@ -55,7 +55,7 @@ def sweep_command(  # one argument an option of the command line
 
     Example: exumob sweep --vary water.current_speed=0,0.5,1 --vary "soil.cohesion~normal(1300,200)" --samples 32
     """
-    from exumob.sweeps.runner import Progress, sweep
+    from exumob.sweeps.run import Progress, sweep
     from exumob.sweeps.study import from_options, read_study
 
     try:
@@ -69,12 +69,12 @@ def sweep_command(  # one argument an option of the command line
             )
         with counting_bar("sweep", len(cases), "cases") as (bar, task):
 
-            def reached_so_far(reached: Progress) -> None:
+            def progress(reached: Progress) -> None:
                 bar.update(task, completed=reached.done)
 
             result = sweep(
                 experiment, cases, output, workers=workers, time_limit=time_limit, keep_runs=keep_runs,
-                again=again or [], mpi=mpi, progress=reached_so_far,
+                again=again or [], mpi=mpi, progress=progress,
             )  # fmt: skip
     except (ValueError, RuntimeError, OSError) as error:
         fail(error)

@@ -28,8 +28,9 @@ def train_command(
     Example: exumob train --preset paper-lstm --seeds 5 --output networks
     """
     try:
+        from exumob.learning.examples import training_runs
         from exumob.learning.presets import PRESETS
-        from exumob.learning.training import Progress, train, training_runs
+        from exumob.learning.training import Progress, train
 
         wanted = list(dict.fromkeys(preset or PRESETS))
         unknown = [name for name in wanted if name not in PRESETS]
@@ -47,15 +48,15 @@ def train_command(
 
     with counting_bar("training", 5 * seeds * len(wanted), "networks") as (bar, task):
 
-        def after_epoch(step: Progress) -> None:
+        def progress(step: Progress) -> None:
             name = f"{step.preset}, seed {step.seed}, {step.body}"
             bar.update(task, description=f"{name}: epoch {step.epoch}, {step.loss:.4f}", advance=1 if step.done else 0)
             if step.done:
-                console.print(f"{name}: {step.epoch} epochs, held-back error {step.loss:.4f}", highlight=False)
+                console.print(f"{name}: {step.epoch} epochs, validation error {step.loss:.4f}", highlight=False)
 
         try:
             files = train(
-                [PRESETS[n] for n in wanted], runs, car, output, seeds=range(seeds), jobs=jobs, told=after_epoch
+                [PRESETS[n] for n in wanted], runs, car, output, seeds=range(seeds), jobs=jobs, progress=progress
             )
         except (ValueError, RuntimeError) as error:
             fail(error)

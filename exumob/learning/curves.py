@@ -13,16 +13,16 @@ from exumob.vehicle.motion import BODIES
 
 
 def plot_learning_curves(networks: Sequence[NetworkSet]) -> Figure:
-    """Error of the scaled loads over the epochs: training runs (dashed) and the run held back; a colour a seed."""
+    """Error of the scaled loads over the epochs: training runs (dashed) and validation run (solid); a colour a seed."""
     figure, rows = plt.subplots(1, len(BODIES), figsize=(13.0, 2.9), sharey=True, layout="constrained")
     for body, (axes, name) in enumerate(zip(rows, BODIES, strict=True)):
         for n, network in enumerate(networks):
-            train, held = (network.arrays[f"{kind}_loss"][body] for kind in ("training", "held_back"))
+            train, validation = (network.arrays[f"{kind}_loss"][body] for kind in ("training", "held_back"))
             epochs = np.arange(1, train.size + 1)
             marker = "o" if train.size == 1 else None
             axes.semilogy(epochs, train, ls="--", lw=0.9, color=f"C{n}", marker=marker, mfc="none")
-            axes.semilogy(epochs, held, lw=1.3, color=f"C{n}", marker=marker, label=f"{network.about['held_back']}")
+            axes.semilogy(epochs, validation, lw=1.3, color=f"C{n}", marker=marker, label=network.about["held_back"])
         axes.set(title=name.replace("_", " "), xlabel="epoch")
     rows[0].set_ylabel("mean square error, scaled loads [-]")
-    rows[-1].legend(title="held back", fontsize="x-small", title_fontsize="x-small")
+    rows[-1].legend(title="validation", fontsize="x-small", title_fontsize="x-small")
     return figure

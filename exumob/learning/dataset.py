@@ -1,7 +1,8 @@
-"""Runs to learn from: packed, loaded, and imported from anyone's CFD-MBD time histories.
+"""Runs to learn from: packed and loaded.
 
-A packed run holds, every millisecond, what moves and what the water does: positions, rotations and their rates, the
-states of paper Eq. (7) and the wrenches on the five bodies, raw and smoothed. `VARIABLES` says what each is.
+A packed run holds the motion and the water's loads at every millisecond: positions, rotations and their rates, the
+states of paper Eq. (7) and the wrenches on the five bodies, raw and smoothed. `exumob.simulation.results.VARIABLES`
+describes each variable.
 """
 
 from __future__ import annotations
@@ -24,37 +25,37 @@ from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 
 SAMPLING = 1.0e-3
-"""Interval of a packed run [s]."""
+"""Interval between the samples of a packed run [s]."""
 VARIABLES = (
     "position", "quaternion", "yaw", "pitch", "roll", "velocity", "angular_velocity", "acceleration",
     "angular_acceleration", "forward_velocity", "lateral_velocity", "wheel_speed", "steering_angle", "sinkage",
     "slip_ratio", "slip_angle", "soil_force", "suspension_stroke", "flow_state", "water_wrench",
 )  # fmt: skip
-"""Taken over from a run (`exumob.simulation.results.VARIABLES`)."""
+"""Variables of a run that are packed at every sample."""
 SURFACE = ("hydrodynamics_elevation", "hydrodynamics_frame")
-"""... and thinned out, if the run holds them."""
+"""Variables of the free surface that are packed every `SURFACE_INTERVAL`, if the run holds them."""
 SURFACE_INTERVAL = 2.0
-"""Between the free surfaces kept [s], as paper Fig. 9."""
+"""Interval between the free surfaces kept [s], as in paper Fig. 9."""
 EFFORT = ("coupling_iterations", "coupling_residual", "hydrodynamics_iterations", "hydrodynamics_halvings")
-"""What a run with the flow in the loop says of its own making: mean and largest value are kept as attributes."""
+"""Effort of a run with the flow in the loop: mean and largest value of each are kept as attributes."""
 NEEDED = (
     "time", "position", "quaternion", "velocity", "angular_velocity", "acceleration", "angular_acceleration",
     "water_wrench", "water_wrench_smooth",
 )  # fmt: skip
-"""Without which a file is not a run to learn from."""
+"""Variables that a run to learn from must have."""
 JUMP = 10.0
-"""See `usable`."""
+"""Limit beyond which raw loads count as a jump, see `usable` [-]."""
 JUMP_REACH = 20
-"""Instants left out on either side of a jump."""
+"""Number of instants left out on either side of a jump."""
 
 
 def pack(run: xr.Dataset) -> xr.Dataset:
-    """What of a run is kept in the data set, in single precision.
+    """Select the part of a run that is kept in the data set, in single precision.
 
     Parameters
     ----------
     run : xarray.Dataset
-        Of `exumob.simulate`, recorded every millisecond.
+        Result of `exumob.simulate`, recorded every millisecond.
 
     Returns
     -------
@@ -90,7 +91,13 @@ def pack(run: xr.Dataset) -> xr.Dataset:
 
 
 def load_runs(files: Iterable[str | Path]) -> dict[str, xr.Dataset]:
-    """Packed runs by the name of their scenario."""
+    """Load packed runs, by the name of their scenario.
+
+    Raises
+    ------
+    ValueError
+        If a file is not a run to learn from, is not sampled every millisecond, or repeats a scenario.
+    """
     runs = {}
     for file in files:
         run = load_dataset(file)
@@ -118,20 +125,26 @@ def _check_sampling(time: np.ndarray, name: str = "the run") -> None:
 
 
 def body_states(run: xr.Dataset) -> BodyStates:
-    """Motion of a packed or imported run."""
+    """Motion of the five bodies of a packed or imported run."""
     q = run["quaternion"].values.astype(float)
     rotation = Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_matrix().reshape(*q.shape[:2], 3, 3)
-    spin = run["wheel_speed"].values if "wheel_speed" in run else np.full((len(q), 4), np.nan)
+    wheel_speed = run["wheel_speed"].values if "wheel_speed" in run else np.full((len(q), 4), np.nan)
     moved = (run[name].values.astype(float) for name in ("position", "velocity", "angular_velocity", "acceleration"))
     position, velocity, angular_velocity, acceleration = moved
     return BodyStates(
         run["time"].values.astype(float), position, rotation, velocity, angular_velocity, acceleration,
-        run["angular_acceleration"].values.astype(float), spin.astype(float),
+        run["angular_acceleration"].values.astype(float), wheel_speed.astype(float),
     )  # fmt: skip
 
 
 def water_of(run: xr.Dataset) -> Water:
-    """Water in which a run was made."""
+    """Water in which a run was made.
+
+    Raises
+    ------
+    ValueError
+        If it was made without water.
+    """
     stored = json.loads(run.attrs["parameters"])["water"]
     if stored is None:
         raise ValueError(f"{run.attrs.get('scenario', 'the run')}: made without water; there is nothing to learn.")
@@ -139,14 +152,15 @@ def water_of(run: xr.Dataset) -> Water:
 
 
 def usable(run: xr.Dataset) -> NDArray[np.bool_]:
-    """Instants whose loads are the water's: False near a jump of the coupling.
+    """Mark the instants whose loads are the water's, which those near a jump of the coupling are not.
 
-    A jump: the raw loads of some body leave the smoothed ones by more than `JUMP` times what 99 % of the instants do
-    (and by 1 N or N m at least).
+    At a jump the raw loads of some body differ from the smoothed ones by more than `JUMP` times the difference that
+    99 % of the instants stay below, and by 1 N or N m at least.
 
     Returns
     -------
-    array, shape (n,)
+    array of bool, shape (n,)
+        False near a jump.
     """
     off = np.abs(run["water_wrench"].values - run["water_wrench_smooth"].values)
     limit = np.maximum(JUMP * np.quantile(off, 0.99, axis=0), 1.0)
@@ -158,7 +172,7 @@ def usable(run: xr.Dataset) -> NDArray[np.bool_]:
 
 
 def base_loads(run: xr.Dataset, vehicle: Vehicle) -> Array:
-    """Loads of the coefficient model along a run, as it gives them in the loop every millisecond; shape (n, 5, 6)."""
+    """Loads of the coefficient model along a run [N, N m], as in the loop with macro steps of 1 ms; shape (n, 5, 6)."""
     model, states = CoefficientHydrodynamics(), body_states(run)
     model.start(vehicle, water_of(run), SAMPLING)
 

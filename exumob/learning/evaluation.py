@@ -1,4 +1,4 @@
-"""How good networks are: against the loads of the runs (open loop) and driving the vehicle (closed loop)."""
+"""Errors of networks: of their loads along a run's own motion (open loop), and driving the vehicle (closed loop)."""
 
 from __future__ import annotations
 
@@ -30,15 +30,30 @@ FAST = {"micro_step": 5e-4, "macro_step": 20e-3}
 FINE = {"micro_step": 1e-4, "macro_step": 1e-3}
 """Its first setting, that of the CFD-MBD runs."""
 THINNING = 4
-"""Every so many milliseconds the loads are compared."""
+"""Interval at which loads are compared, in samples of 1 ms."""
 
 
 def predicted_loads(
     network: NetworkSet, run: xr.Dataset, vehicle: Vehicle, rows: np.ndarray, base: Array | None = None
 ) -> Array:
-    """Loads along a run's own motion at some of its instants (open loop), shape (len(rows), 5, 6).
+    """Loads that a network predicts along a run's own motion (open loop).
 
-    `base`: the `base_loads` of the whole run, if they are known already.
+    Parameters
+    ----------
+    network : NetworkSet
+    run : xarray.Dataset
+        Packed or imported run.
+    vehicle : Vehicle
+        Vehicle of the run.
+    rows : array of int
+        Instants of the run at which loads are wanted.
+    base : array, optional
+        `base_loads` of the whole run, if they are known already.
+
+    Returns
+    -------
+    array, shape (len(rows), 5, 6)
+        Force [N] and moment [N m], body axes.
     """
     architecture = network.architecture
     inputs = network_inputs(body_states(run), water_of(run), architecture.inputs)
@@ -54,9 +69,18 @@ def predicted_loads(
 def open_loop(
     networks: NetworkSet | Sequence[NetworkSet], run: xr.Dataset, vehicle: Vehicle, base: Array | None = None
 ) -> xr.DataArray:
-    """Root mean square error of the loads over the deviation of the run's, smoothed; dims (body, component).
+    """Root mean square error of predicted loads over the standard deviation of the run's smoothed loads [-].
 
-    Of several networks the mean of their loads is compared. `base`: the `base_loads` of the run, if known already.
+    Parameters
+    ----------
+    networks : NetworkSet or sequence of NetworkSet
+        With several networks the mean of their loads is compared.
+    run, vehicle, base
+        As for `predicted_loads`.
+
+    Returns
+    -------
+    xarray.DataArray, dims (body, component)
     """
     members = [networks] if isinstance(networks, NetworkSet) else networks
     rows = np.flatnonzero(usable(run))[::THINNING]
@@ -69,16 +93,18 @@ def open_loop(
 
 
 def drive(
-    scenario: Scenario, water: Hydrodynamics, vehicle: Vehicle, steps: Mapping[str, Any] = FAST, soil: str = SOIL
-) -> xr.Dataset:
-    """The scenario's lane change with a model of the water, as the CFD-MBD runs were made."""
+    scenario: Scenario, hydrodynamics: Hydrodynamics, vehicle: Vehicle, steps: Mapping[str, Any] = FAST,
+    soil: str = SOIL,
+) -> xr.Dataset:  # fmt: skip
+    """Simulate a scenario's lane change as in the CFD-MBD runs, with another model of the water's loads."""
     return simulate(
-        vehicle, Soil.published(soil), scenario.water(vehicle), scenario.maneuver(), water, record_step=10e-3, **steps
+        vehicle, Soil.published(soil), scenario.water(vehicle), scenario.maneuver(), hydrodynamics,
+        record_step=10e-3, **steps,
     )  # fmt: skip
 
 
 def closed_loop(run: xr.Dataset, reference: xr.Dataset) -> dict[str, float]:
-    """How far a run ends from a reference.
+    """Measure how far a run departs from a reference.
 
     Returns
     -------
@@ -94,12 +120,12 @@ def closed_loop(run: xr.Dataset, reference: xr.Dataset) -> dict[str, float]:
     off = (path - path[0]) - (true[rows] - true[0])
     distance = np.hypot(*off.T)
     yaw = np.degrees(run["yaw"].sel(body="hull").values - reference["yaw"].sel(body="hull").values[rows])
-    drift = run["lateral_velocity"].values - reference["lateral_velocity"].values[rows]
+    sideways = run["lateral_velocity"].values - reference["lateral_velocity"].values[rows]
     return {
         "path": 100.0 * float(np.sqrt(np.mean(distance**2))) / length,
         "final": 100.0 * float(distance[-1]) / length,
         "yaw": float(np.sqrt(np.mean(yaw**2))),
-        "lateral_velocity": float(np.sqrt(np.mean(drift**2))),
+        "lateral_velocity": float(np.sqrt(np.mean(sideways**2))),
         "forward": float(off[-1, 0]),
         "lateral": float(off[-1, 1]),
     }
@@ -107,7 +133,7 @@ def closed_loop(run: xr.Dataset, reference: xr.Dataset) -> dict[str, float]:
 
 def compare(
     models: Mapping[str, Sequence[Hydrodynamics]], references: Mapping[str, xr.Dataset], vehicle: Vehicle,
-    steps: Mapping[str, Any] = FAST, told: Callable[[str], None] | None = None,
+    steps: Mapping[str, Any] = FAST, progress: Callable[[str], None] | None = None,
 ) -> tuple[xr.Dataset, dict[tuple[str, str], list[xr.Dataset]]]:  # fmt: skip
     """Drive scenarios with several models and compare each run with CFD-MBD.
 
@@ -117,6 +143,11 @@ def compare(
         Members (seeds) by the name of the model.
     references : mapping
         CFD-MBD runs by scenario.
+    vehicle : Vehicle
+    steps : mapping
+        Further arguments of `exumob.simulate`: its steps.
+    progress : callable, optional
+        Called after each run with a line of text.
 
     Returns
     -------
@@ -145,8 +176,8 @@ def compare(
                 runs[model, scenario].append(run)
                 for name, value in closed_loop(run, reference).items():
                     values[name][m, s, n] = value
-                if told is not None:
-                    told(
+                if progress is not None:
+                    progress(
                         f"{model}, {scenario}, {n}: final position off by {values['final'][m, s, n]:.2f} % of the path"
                     )
     dims = ("model", "scenario", "member")

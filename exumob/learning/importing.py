@@ -1,13 +1,13 @@
-"""Reading anyone's CFD-MBD time histories: motion of the five bodies and the water's loads on them, CSV or netCDF.
+"""Import of CFD-MBD time histories of other programs: motion of the five bodies and the water's loads, CSV or netCDF.
 
 One column (CSV) or one variable along time (netCDF) for each quantity of `KINDS`, a body's name before it:
 
     time [s], hull_x [m], hull_y [m], hull_z [m], hull_roll [deg], hull_pitch [deg], hull_yaw [deg],
     hull_Fx [N], hull_Fy [N], hull_Fz [N], hull_Mx [N m], hull_My [N m], hull_Mz [N m], front_left_x [m], ...
 
-Other names are mapped by `names`. Units stand in brackets behind the name, in the variable's ``units``, or are given
-for a whole kind of quantity; nothing is guessed. Instead of roll, pitch and yaw (of the sequence yaw, pitch, roll)
-there may be a quaternion ``qw, qx, qy, qz``. Velocities (``vx, vy, vz``, axes of the positions) are optional and
+Other names are mapped by the argument `names`. Units stand in brackets behind the name, in the variable's ``units``, or
+are given for a whole kind of quantity; none is guessed. Instead of roll, pitch and yaw (in the sequence yaw, pitch,
+roll) there may be a quaternion ``qw, qx, qy, qz``. Velocities (``vx, vy, vz``, axes of the positions) are optional and
 checked. Loads act on the body about its origin: the hull's centre of mass, the wheels' centres, which do not spin.
 """
 
@@ -53,11 +53,11 @@ UNITS = {
     "moment": {"N m": 1.0, "Nm": 1.0, "N.m": 1.0, "kN m": 1e3, "kNm": 1e3, "N mm": 1e-3, "Nmm": 1e-3},
     "none": {"": 1.0, "1": 1.0, "-": 1.0},
 }
-"""Known units of each kind, in SI."""
+"""Known units of each kind, with their factors to SI."""
 COARSEST = 0.01
-"""Longest interval between samples that still tells what the water does [s]."""
+"""Longest interval between samples that still resolves the water's loads [s]."""
 SPEED_TOLERANCE = 0.05
-"""Of given speeds from those of the positions, rms over rms."""
+"""Largest difference of given speeds from those of the positions, rms over rms [-]."""
 
 
 def import_histories(
@@ -71,26 +71,26 @@ def import_histories(
     bed: float = 0.0,
     scenario: str | None = None,
 ) -> xr.Dataset:
-    """Time histories of another program as a run to learn from, every millisecond.
+    """Read time histories of another program as a run to learn from, with a sample every millisecond.
 
     Parameters
     ----------
     file : path
-        .csv, or netCDF (.nc, .h5).
+        CSV (.csv) or netCDF (.nc, .h5).
     water : Water
-        In which the run was made; its directions count from the x axis of the file.
+        Water in which the run was made; its directions count from the x axis of the file.
     names : mapping, optional
-        From the names above (``hull_Fx``) to those of the file, where they differ.
+        Names in the file by the names above (``hull_Fx``), where they differ.
     units : mapping, optional
-        By kind (`UNITS`), for columns that carry none: ``{"length": "mm", "force": "kN"}``.
+        Units by kind (`UNITS`) for columns that carry none: ``{"length": "mm", "force": "kN"}``.
     up : {"z", "-z"}
-        Whether z points up and y to the left, or z down and y to the right (ship convention); x forward in both.
+        ``"z"``: z points up and y to the left; ``"-z"``: z down and y to the right (ships). x points forward in both.
     load_axes : {"body", "world"}
         Axes of forces and moments.
     bed : float
-        z of the undisturbed bed in the file's axes [m].
+        Coordinate z of the undisturbed bed in the file's axes [m].
     scenario : str, optional
-        Name of the run; default: that of the file.
+        Name of the run; default: the name of the file.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def import_histories(
 
 
 class _Columns:
-    """Quantities of a file, in SI."""
+    """Columns of a file by the names above, converted to SI."""
 
     def __init__(self, path: Path, names: dict[str, str], units: dict[str, str]) -> None:
         if not path.exists():
@@ -225,7 +225,7 @@ def _check_time(time: Array, path: Path) -> None:
 
 
 def _check_places(position: Array, rotation: Array, path: Path) -> None:
-    """Wheels must stay at the hull's four corners, seen from the hull."""
+    """Raise ValueError unless the wheels stay at the four corners of the hull, seen from it."""
     seen = np.einsum("nij,nbi->nbj", rotation[:, 0], position[:, 1:] - position[:, :1])
     for wheel, name in enumerate(BODIES[1:]):
         x, y = seen[:, wheel, 0], seen[:, wheel, 1]
@@ -268,7 +268,7 @@ def _line(time: Array, values: Array, wanted: Array) -> Array:
 
 
 def _resampled(time: Array, position: Array, rotation: Array) -> BodyStates:
-    """Motion every millisecond, with rates from it: cubic splines of places, arcs between attitudes."""
+    """Motion every millisecond and its rates: cubic splines of the positions, arcs between the attitudes."""
     wanted = SAMPLING * np.arange(math.floor(time[-1] / SAMPLING + 1e-6) + 1)
     inside = np.clip(wanted, time[0], time[-1])
     spline = CubicSpline(time, position)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from exumob.support.files import atomic_write
 from exumob.surrogates.inputs import INPUTS
 from exumob.surrogates.networks import EDGE, SAMPLING, NetworkSet, exponents
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
@@ -26,7 +27,7 @@ def export_onnx(networks: NetworkSet, file: str | Path) -> Path:
     ----------
     networks : NetworkSet
     file : path
-        .onnx
+        Name of the file, ending in .onnx.
 
     Returns
     -------
@@ -35,7 +36,7 @@ def export_onnx(networks: NetworkSet, file: str | Path) -> Path:
     Raises
     ------
     ImportError
-        Without the package onnx (``pip install 'exumob[onnx]'``).
+        If the package onnx is not installed (``pip install 'exumob[onnx]'``).
     """
     import onnx
     from onnx import TensorProto, helper
@@ -99,17 +100,13 @@ def export_onnx(networks: NetworkSet, file: str | Path) -> Path:
         },
     )
     path = Path(file)
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        onnx.save(model, str(partial))
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with atomic_write(path) as temporary:
+        onnx.save(model, str(temporary))
     return path
 
 
 def _lstm(graph: _Graph, taps: list[str], arrays: dict[str, Any], layer: Any) -> str:
-    """Paper Eqs. (8), (9); gates in the order i, f, c, o."""
+    """Nodes of the LSTM layer: paper Eqs. (8) and (9), gates in the order i, f, c, o."""
     recurrent = graph.constant(arrays["U"].mT)
     hidden = cell = ""
     for given in taps:
@@ -124,7 +121,7 @@ def _lstm(graph: _Graph, taps: list[str], arrays: dict[str, Any], layer: Any) ->
 
 
 class _Graph:
-    """Nodes and constants, named by number."""
+    """A graph under construction: nodes and constants, named by number."""
 
     def __init__(self, helper: Any) -> None:
         self._helper = helper
@@ -137,13 +134,13 @@ class _Graph:
         return name
 
     def split(self, value: str, parts: int) -> list[str]:
-        """Equal parts of the last axis."""
+        """Names of equal parts of the last axis."""
         names = [f"v{len(self.nodes)}_{n}" for n in range(parts)]
         self.nodes.append(self._helper.make_node("Split", [value], names, axis=2))
         return names
 
     def constant(self, value: NDArray[Any] | np.generic) -> str:
-        """Name of a constant: float32, or int64 for whole numbers."""
+        """Name of a new constant: float32, or int64 for whole numbers."""
         from onnx import numpy_helper
 
         array = np.asarray(value)

@@ -1,4 +1,4 @@
-"""What can be trained, by name."""
+"""Presets: named architectures with the settings of their training."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ class Preset:
     name: str
     architecture: Architecture
     learning_rate: float = 1e-3
-    """Of Adam (the paper's)"""
+    """Learning rate of Adam; the default is the paper's"""
     batch: int = 256
     epochs: int = 100
-    """At most"""
+    """Largest number of epochs"""
     patience: int = 12
-    """Epochs without a smaller error on the held-back run until training stops"""
+    """Epochs without a smaller validation error after which training stops"""
     thinning: int = 8
-    """Every so many milliseconds is an example, from another offset each epoch"""
+    """Interval between examples [ms]; every epoch begins at another offset"""
     mirror: bool = False
-    """Whether every run is also shown mirrored in the vehicle's plane of symmetry"""
+    """Learn from every run also as mirrored in the vehicle's plane of symmetry"""
     noise: float = 0.0
-    """Standard deviation of what is added to the scaled inputs [-]"""
+    """Standard deviation of the noise added to the scaled inputs [-]"""
     ridge: float = 1e-3
-    """Of the polynomial's coefficients, over the number of examples [-]"""
+    """Ridge penalty on the polynomial's coefficients, over the number of examples [-]"""
 
     def __post_init__(self) -> None:
         require_positive("Preset", learning_rate=self.learning_rate)
@@ -63,7 +63,7 @@ PRESETS = {
     )
 }
 BEST = "residual"
-"""Chosen by closed-loop error on the held-back runs; comes with exumob.
+"""Preset of the networks that come with exumob, chosen by closed-loop error on the validation runs.
 
-``memory``, the same with a second of the past, is worse there (0.98 instead of 0.75 % of the path): nine runs do not
-teach what the bow wave remembers."""
+``memory``, the same with a second of the past, is worse there (0.98 instead of 0.75 % of the path): nine runs are too
+few to learn the effect of the bow wave's history from."""

@@ -34,7 +34,7 @@ class LoadNetwork(nn.Module):
             self.register_parameter(name, nn.Parameter(value))
 
     def forward(self, x: Tensor) -> Tensor:
-        """Shape (n, taps, k), oldest first -> (n, 6)."""
+        """Scaled loads, shape (n, 6), from windows of scaled inputs, shape (n, taps, k), oldest first."""
         w = dict(self.named_parameters())
         if self.architecture.layer == "dense":
             hidden = torch.tanh(torch.addmm(w["b"], x.flatten(1), w["W"].T))
@@ -44,7 +44,7 @@ class LoadNetwork(nn.Module):
         return torch.addmm(w["out_bias"], hidden, w["out_weight"].T)
 
     def _lstm(self, x: Tensor, w: dict[str, Tensor]) -> Tensor:
-        """Eqs. (8), (9): h and c start at 0, gates in the order i, f, c, o."""
+        """Paper Eqs. (8) and (9); h and c start at 0, gates in the order i, f, c, o."""
         hidden = cell = None
         for tap in range(x.shape[1]):
             gates = torch.addmm(w["b"], x[:, tap], w["W"].T)

@@ -1,219 +1,35 @@
-"""Training of the networks from CFD-MBD runs: split by run, stopped early, resumable, the same from the same seed.
+"""Training of whole ensembles: every body with every preset and seed, side by side, resumable.
 
-What the paper leaves open was chosen on held-back training runs alone. Scaling: inputs and loads to zero mean and unit
-deviation over the training examples. Loss: mean square error of the six scaled loads, equal weights. Activation of the
-dense layers: tanh. Gradients are cut off at norm 1. Every seed holds back another run of those inside the range of the
-others (`held_back`): training stops when its error no longer falls, and the weights of the best epoch are kept. The
-networks of five seeds thus differ in their start and in their data, and their spread is that of a cross-validation.
+Every seed keeps another run for validation (`exumob.learning.examples.validation_run`). The networks of five seeds thus
+differ in their start and in their data, and their spread is that of a cross-validation.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import logging
 import multiprocessing
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from queue import Empty
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 import xarray as xr
-from numpy.typing import NDArray
-from scipy.optimize import nnls
 
-from exumob.learning.dataset import base_loads, body_states, load_runs, usable, water_of
+from exumob.learning.dataset import water_of
+from exumob.learning.examples import Examples, build_examples, validation_run
+from exumob.learning.fitting import fit_body
 from exumob.learning.presets import Preset
-from exumob.learning.torch_networks import LoadNetwork
-from exumob.paper.scenarios import UNSEEN
+from exumob.support.files import atomic_write
 from exumob.support.provenance import parameters_json, provenance
-from exumob.surrogates.inputs import MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
-from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, NetworkSet, Single, geometry, monomials
+from exumob.surrogates.networks import NetworkSet, Single, geometry
 from exumob.vehicle.motion import BODIES, BodyStates
 from exumob.vehicle.parameters import Vehicle
-
-logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class Examples:
-    """Inputs and loads of one body along several runs; the mirrored ones, if any, come last."""
-
-    inputs: list[Single]
-    """(n, k) each"""
-    loads: list[Single]
-    """(n, 6) each, smoothed, less the base model's"""
-    usable: list[NDArray[np.bool_]]
-
-    def windows(self, run: int, rows: NDArray[np.intp], architecture: Architecture) -> Single:
-        """Windows of inputs that end at `rows`, oldest first; shape (m, taps, k)."""
-        back = architecture.stride * np.arange(architecture.taps - 1, -1, -1)
-        return self.inputs[run][np.maximum(rows[:, None] - back, 0)]
-
-    def choose(self, runs: Sequence[int], offset: int, thinning: int) -> list[tuple[int, NDArray[np.intp]]]:
-        """Usable rows of some runs, every `thinning`-th."""
-        rows = [np.arange(offset, len(self.inputs[r]), thinning) for r in runs]
-        return [(r, n[self.usable[r][n]]) for r, n in zip(runs, rows, strict=True)]
-
-    def gather(
-        self, chosen: Sequence[tuple[int, NDArray[np.intp]]], architecture: Architecture
-    ) -> tuple[Single, Single]:
-        """Windows and loads of chosen rows."""
-        x = np.concatenate([self.windows(run, rows, architecture) for run, rows in chosen])
-        return x, np.concatenate([self.loads[run][rows] for run, rows in chosen])
-
-
-def training_runs(folder: str | Path) -> dict[str, xr.Dataset]:
-    """Runs of a folder, without those kept for the final evaluation (`exumob.paper.scenarios.UNSEEN`).
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two.
-    """
-    files = sorted(Path(folder).glob("*.nc"))
-    kept = {scenario.file_stem for scenario in UNSEEN}
-    found = load_runs(file for file in files if file.stem not in kept)
-    runs = {name: run for name, run in found.items() if name not in {scenario.name for scenario in UNSEEN}}
-    if len(runs) < 2:
-        raise ValueError(
-            f"{folder}: holds {len(runs)} runs to learn from, and two at least are needed (one is held back); "
-            "studies/generate_training_data.py makes them, exumob.learning.importing reads yours."
-        )
-    return runs
-
-
-def held_back(runs: Mapping[str, xr.Dataset], seed: int) -> str:
-    """Name of the run that a seed holds back: one whose depth and current lie within those of the others."""
-    names = sorted(runs)
-    points = np.array([[1.0, (w := water_of(runs[name])).depth, w.current_speed] for name in names])
-    scaled = points / np.maximum(np.abs(points).max(axis=0), 1e-12)
-    inside = [
-        name for n, name in enumerate(names) if nnls(np.delete(scaled, n, axis=0).T, scaled[n])[1] < 1e-6
-    ] or names  # fmt: skip
-    return inside[seed % len(inside)]
-
-
-def examples(runs: Mapping[str, xr.Dataset], vehicle: Vehicle, preset: Preset) -> tuple[list[str], list[Examples]]:
-    """Examples of the five bodies, and the names of the runs in their order."""
-    names = sorted(runs)
-    architecture = preset.architecture
-    inputs = [network_inputs(body_states(runs[n]), water_of(runs[n]), architecture.inputs) for n in names]
-    loads = [runs[n]["water_wrench_smooth"].values.astype(float) for n in names]
-    if architecture.base == "coefficients":
-        loads = [load - base_loads(runs[n], vehicle) for n, load in zip(names, loads, strict=True)]
-    loads = [load * (TRAINED_DENSITY / water_of(runs[n]).density) for n, load in zip(names, loads, strict=True)]
-    good = [usable(runs[n]) for n in names]
-    if preset.mirror:
-        order, signs = list(MIRRORED_BODIES), mirror_signs(architecture.inputs)
-        inputs += [x[:, order] * signs for x in inputs]
-        loads += [y[:, order] * MIRRORED_LOADS for y in loads]
-        good += good
-    return names, [
-        Examples([x[:, b].astype(np.float32) for x in inputs], [y[:, b].astype(np.float32) for y in loads], good)
-        for b in range(5)
-    ]
-
-
-def scalers(found: Examples, runs: Sequence[int], architecture: Architecture) -> dict[str, Single]:
-    """Scalers and training range of one body."""
-    chosen = found.choose(runs, 0, 1)
-    x = np.concatenate([found.inputs[r][rows] for r, rows in chosen]).astype(float)
-    y = np.concatenate([found.loads[r][rows] for r, rows in chosen]).astype(float)
-    scale = x.std(axis=0)
-    scale = np.where(scale > 1e-6, scale, 1.0)
-    scaled = (x - x.mean(axis=0)) / scale
-    inverse = np.linalg.inv(scaled.T @ scaled / len(x) + 1e-4 * np.eye(x.shape[1]))
-    distance = np.sqrt(np.einsum("ni,ij,nj->n", scaled, inverse, scaled))
-    return {
-        name: np.asarray(value, np.float32)
-        for name, value in {
-            "input_mean": x.mean(axis=0), "input_scale": scale, "input_low": x.min(axis=0), "input_high": x.max(axis=0),
-            "joint_inverse": inverse, "joint_limit": distance.max(), "output_mean": y.mean(axis=0),
-            "output_scale": np.maximum(y.std(axis=0), 1e-6),
-        }.items()
-    }  # fmt: skip
-
-
-def fit_body(
-    found: Examples, train: Sequence[int], test: Sequence[int], preset: Preset, seed: int, body: int,
-    told: Callable[[int, float], None] | None = None,
-) -> dict[str, Single]:  # fmt: skip
-    """Train the network of one body; the same bits from the same seed on one machine.
-
-    Returns
-    -------
-    dict
-        Weights, scalers, and ``training_loss``, ``held_back_loss`` by epoch (mean square error of scaled loads).
-    """
-    torch.set_num_threads(1)
-    architecture = preset.architecture
-    scale = scalers(found, train, architecture)
-    scaled = replace(
-        found,
-        inputs=[(x - scale["input_mean"]) / scale["input_scale"] for x in found.inputs],
-        loads=[(y - scale["output_mean"]) / scale["output_scale"] for y in found.loads],
-    )
-    test_x, test_y = scaled.gather(scaled.choose(test, 0, preset.thinning), architecture)
-    if architecture.layer == "polynomial":
-        return scale | _polynomial(scaled, train, preset, test_x, test_y)
-
-    generator = torch.Generator().manual_seed(1000 * seed + body)
-    network = LoadNetwork(architecture, generator)
-    optimizer = torch.optim.Adam(network.parameters(), preset.learning_rate)
-    held_x, held_y = torch.from_numpy(test_x), torch.from_numpy(test_y)
-    curves: list[tuple[float, float]] = []
-    best, best_epoch, kept = float("inf"), 0, {}
-    for epoch in range(preset.epochs):
-        offset = int(torch.randint(preset.thinning, (1,), generator=generator))
-        x, y = (torch.from_numpy(a) for a in scaled.gather(scaled.choose(train, offset, preset.thinning), architecture))
-        losses = []
-        for rows in torch.randperm(len(x), generator=generator).split(preset.batch):
-            window = x[rows]
-            if preset.noise > 0.0:  # one offset for the whole window: an error of the state lasts
-                shape = (len(rows), 1, window.shape[2])
-                window = window + preset.noise * torch.randn(shape, generator=generator)
-            loss = torch.mean((network(window) - y[rows]) ** 2)
-            optimizer.zero_grad()
-            loss.backward()
-            torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-            optimizer.step()
-            losses.append(float(loss.detach()))
-        with torch.no_grad():
-            error = float(torch.mean((network(held_x) - held_y) ** 2))
-        curves.append((float(np.mean(losses)), error))
-        if error < best:
-            best, best_epoch = error, epoch
-            kept = {name: p.detach().numpy().copy() for name, p in network.named_parameters()}
-        if told is not None:
-            told(epoch, best)
-        if epoch - best_epoch >= preset.patience:
-            break
-    training_loss, held_loss = np.array(curves, np.float32).T
-    return scale | kept | {"training_loss": training_loss, "held_back_loss": held_loss}
-
-
-def _polynomial(
-    scaled: Examples, train: Sequence[int], preset: Preset, test_x: Single, test_y: Single
-) -> dict[str, Single]:
-    """Ridge regression on all monomials of the states up to a degree (the coefficient models of the paper's Sec. 1)."""
-    x, y = scaled.gather(scaled.choose(train, 0, preset.thinning), preset.architecture)
-    terms = monomials(x[:, 0].astype(float), preset.architecture.degree)
-    normal = terms.T @ terms + preset.ridge * len(terms) * np.eye(terms.shape[1])
-    coefficients = np.linalg.solve(normal, terms.T @ y)
-    errors = []
-    for inputs, loads in ((x, y), (test_x, test_y)):
-        off = monomials(inputs[:, 0].astype(float), preset.architecture.degree) @ coefficients - loads
-        errors.append(np.array([np.mean(off**2)], np.float32))
-    return {
-        "coefficients": coefficients.astype(np.float32), "training_loss": errors[0], "held_back_loss": errors[1]
-    }  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -225,38 +41,61 @@ class Progress:
     body: str
     epoch: int
     loss: float
-    """Least error on the held-back run so far"""
+    """Least validation error so far: mean square error of the scaled loads [-]"""
     done: bool
+
+
+class _Task(NamedTuple):
+    """One network to be trained."""
+
+    preset: Preset
+    seed: int
+    body: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.preset.name}, seed {self.seed}, {BODIES[self.body]}"
+
+    def progress(self, epoch: int, loss: float, done: bool = False) -> Progress:
+        return Progress(self.preset.name, self.seed, BODIES[self.body], epoch, loss, done)
 
 
 def train(
     presets: Sequence[Preset], runs: Mapping[str, xr.Dataset], vehicle: Vehicle, output: Path, *,
-    seeds: Sequence[int] = range(5), jobs: int = 2, told: Callable[[Progress], None] | None = None,
+    seeds: Sequence[int] = range(5), jobs: int = 2, progress: Callable[[Progress], None] | None = None,
 ) -> dict[tuple[str, int], Path]:  # fmt: skip
-    """Train networks for all five bodies, each preset with each seed; go on where an earlier call was stopped.
+    """Train networks for all five bodies, each preset with each seed; continue where an earlier call was stopped.
 
     Every network is kept as it is finished (``output/parts``); the five of a seed make one file,
-    ``<preset>_seed<seed>.safetensors``. What is there and made from the same data and preset is not made again.
+    ``<preset>_seed<seed>.safetensors``. Networks that are there already, made from the same data and preset, are not
+    made again.
 
     Parameters
     ----------
     presets : sequence of Preset
     runs : mapping
-        Of `training_runs`.
+        Runs by name, such as those of `exumob.learning.examples.training_runs`.
     vehicle : Vehicle
-        Of the runs.
+        The vehicle of the runs.
     output : Path
-        Folder.
+        Folder for the networks.
     seeds : sequence of int
     jobs : int
-        Processes, one thread each.
-    told : callable, optional
-        Is told after each epoch.
+        Number of processes, one thread each.
+    progress : callable, optional
+        Called after each epoch of each network.
 
     Returns
     -------
     dict
         Files by preset and seed.
+
+    Raises
+    ------
+    ValueError
+        If a run was made with a vehicle of another geometry.
+    RuntimeError
+        If a network cannot be trained; the others are kept.
     """
     parts = output / "parts"
     parts.mkdir(parents=True, exist_ok=True)
@@ -266,26 +105,27 @@ def train(
     context = multiprocessing.get_context("spawn")
     with context.Manager() as manager, _stopping(ProcessPoolExecutor(max(jobs, 1), context)) as pool:
         queue = manager.Queue()
-        pending: dict[Any, tuple[Preset, int, int]] = {}
+        pending: dict[Any, _Task] = {}
         for preset in presets:
-            names, bodies = examples(runs, vehicle, preset)
+            names, bodies = build_examples(runs, vehicle, preset)
             for seed in seeds:
-                held = names.index(held_back(runs, seed))
-                learn = [r for r in range(len(bodies[0].inputs)) if r % len(names) != held]
+                validation = names.index(validation_run(runs, seed))
+                learn = [r for r in range(len(bodies[0].inputs)) if r % len(names) != validation]
                 for b, body in enumerate(BODIES):
                     part = _part(parts, preset, seed, body, data)
                     if not part.exists():
-                        task = pool.submit(_fit_and_keep, bodies[b], learn, [held], preset, seed, b, part, queue)
-                        pending[task] = preset, seed, b
+                        task = _Task(preset, seed, b)
+                        future = pool.submit(_fit_and_keep, task, bodies[b], learn, [validation], part, queue)
+                        pending[future] = task
                 files[preset.name, seed] = output / f"{preset.name}_seed{seed}.safetensors"
-        _wait(pending, queue, told)
+        _wait(pending, queue, progress)
     for preset in presets:
         for seed in seeds:
             found = [_read(_part(parts, preset, seed, body, data)) for body in BODIES]
             arrays = {name: _stacked([f[name] for f in found]) for name in found[0]}
             about = {
                 "preset": preset.name, "training": asdict(preset) | {"architecture": None}, "seed": seed,
-                "runs": sorted(runs), "held_back": held_back(runs, seed), "data_hash": data,
+                "runs": sorted(runs), "held_back": validation_run(runs, seed), "data_hash": data,
                 "geometry": geometry(vehicle), "provenance": provenance() | {"torch_version": torch.__version__},
             }  # fmt: skip
             NetworkSet(preset.architecture, arrays, about).save(files[preset.name, seed])
@@ -306,41 +146,36 @@ def _stopping(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
 
 
 def _fit_and_keep(
-    found: Examples, learn: list[int], test: list[int], preset: Preset, seed: int, body: int, part: Path, queue: Any
-) -> float:
+    task: _Task, found: Examples, learn: list[int], validation: list[int], part: Path, queue: Any
+) -> None:
     from safetensors.numpy import save_file
 
-    began = time.perf_counter()
+    def progress(epoch: int, loss: float) -> None:
+        queue.put(task.progress(epoch, loss))
 
-    def told(epoch: int, loss: float) -> None:
-        queue.put(Progress(preset.name, seed, BODIES[body], epoch, loss, False))
-
-    arrays = fit_body(found, learn, test, preset, seed, body, told)
-    partial = part.with_suffix(".partial")
-    save_file({n: np.array(a, order="C") for n, a in arrays.items()}, partial)
-    partial.replace(part)
-    loss = float(arrays["held_back_loss"].min())
-    queue.put(Progress(preset.name, seed, BODIES[body], len(arrays["held_back_loss"]), loss, True))
-    return time.perf_counter() - began
+    arrays = fit_body(found, learn, validation, task.preset, task.seed, task.body, progress)
+    with atomic_write(part) as temporary:
+        save_file({n: np.array(a, order="C") for n, a in arrays.items()}, temporary)
+    loss = arrays["held_back_loss"]
+    queue.put(task.progress(len(loss), float(loss.min()), done=True))
 
 
-def _wait(pending: Mapping[Any, tuple[Preset, int, int]], queue: Any, told: Callable[[Progress], None] | None) -> None:
-    """Until all are done; what fails is raised after the others are kept."""
+def _wait(pending: Mapping[Any, _Task], queue: Any, progress: Callable[[Progress], None] | None) -> None:
+    """Wait until all networks are made; what fails is raised after the others are kept."""
     failed: list[str] = []
     left = set(pending)
     while left:
         try:
             while True:
-                progress = queue.get(timeout=0.2)
-                if told is not None:
-                    told(progress)
+                reached = queue.get(timeout=0.2)
+                if progress is not None:
+                    progress(reached)
         except Empty:
             pass
-        for task in [task for task in left if task.done()]:
-            left.remove(task)
-            preset, seed, body = pending[task]
-            if task.exception() is not None:
-                failed.append(f"{preset.name}, seed {seed}, {BODIES[body]}: {task.exception()}")
+        for future in [future for future in left if future.done()]:
+            left.remove(future)
+            if future.exception() is not None:
+                failed.append(f"{pending[future].name}: {future.exception()}")
     if failed:
         raise RuntimeError("training failed for " + "; ".join(failed))
 
@@ -353,7 +188,7 @@ def _read(part: Path) -> dict[str, Single]:
 
 
 def _stacked(arrays: Sequence[Single]) -> Single:
-    """Bodies first; learning curves of different lengths are filled up with nan."""
+    """Arrays of the five bodies as one, bodies first; learning curves of different lengths are filled up with nan."""
     longest = max(a.shape[0] if a.ndim else 0 for a in arrays)
     if any(a.ndim and a.shape[0] != longest for a in arrays):
         arrays = [np.concatenate([a, np.full(longest - len(a), np.nan, np.float32)]) for a in arrays]
@@ -361,13 +196,13 @@ def _stacked(arrays: Sequence[Single]) -> Single:
 
 
 def _part(parts: Path, preset: Preset, seed: int, body: str, data: str) -> Path:
-    """File of one network; its name holds what it was made from."""
+    """File of one network; its name holds a digest of the preset and the data that it was made from."""
     made = hashlib.sha256(json.dumps([asdict(preset), data]).encode()).hexdigest()[:12]
     return parts / f"{preset.name}_seed{seed}_{body}_{made}.safetensors"
 
 
 def _data_hash(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> str:
-    """Of all that networks are made from."""
+    """Digest of everything that the networks are made from."""
     found = hashlib.sha256(parameters_json({"vehicle": vehicle}).encode())
     for name in sorted(runs):
         found.update((name + parameters_json({"water": water_of(runs[name])})).encode())
@@ -378,7 +213,7 @@ def _data_hash(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> str:
 
 
 def _check_geometry(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> None:
-    """Runs made by exumob must have been made with this vehicle."""
+    """Raise ValueError if a run that exumob has made was made with a vehicle of another geometry."""
     wanted = geometry(vehicle)
     for name, run in runs.items():
         stored = json.loads(run.attrs["parameters"]).get("vehicle")

@@ -1,1 +1,1 @@
-"""Can the vehicle cross? The verdict on one run, and maps over many."""
+"""Can the vehicle cross? A verdict on one run, and maps of many runs."""

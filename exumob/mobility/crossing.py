@@ -1,4 +1,4 @@
-"""Can it cross? One run through water, judged as a planner would: go or no go, how fast, how far off, what fails."""
+"""Can the vehicle cross? A verdict on one run, as a planner needs it: go or no go, speed, drift and kind of failure."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from exumob.support.errors import SimulationError
 from exumob.sweeps.experiment import Experiment
 
 FAILURES = ("none", "sunk", "afloat", "swept away", "tipped", "stuck", "too slow", "pushed aside", "broke down")
-"""What may stand in the way, worst first; the first that applies is named."""
+"""Kinds of failure, worst first; of several that apply the first is named."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What counts as crossed: a ford of a width, in a time, without leaving the lane, upright and on its wheels."""
+    """Limits of a crossing: a ford of a width, in a time, within the lane, upright and on the wheels."""
 
     width: float = 12.0
-    """Of the water, along the first heading [m]"""
+    """Width of the water, along the first heading [m]"""
     time: float = 20.0
-    """In which it must be crossed at the speed reached [s]"""
+    """Time in which it must be crossed at the speed reached [s]"""
     drift: float = 1.0
     """Largest displacement to either side over the width [m]"""
     tilt: float = math.radians(30.0)
     """Largest roll or pitch at any time [rad]"""
     wheel_load: float = 0.05
-    """Least share of the weight on the wheels: below it the vehicle is afloat [-]"""
+    """Least share of the weight on the wheels; below it the vehicle is afloat [-]"""
     stuck_speed: float = 0.05
-    """Below it the vehicle is stuck [m/s]"""
+    """Speed below which the vehicle is stuck [m/s]"""
     window: float = 2.0
     """End of the run over which speed, course, slip and loads are averaged [s]"""
     range_share: float = 0.5
-    """Of the window outside the networks' training range, beyond which their answer does not count [-]"""
+    """Share of the window outside the networks' training range beyond which their answer does not count [-]"""
 
     def __post_init__(self) -> None:
         require_positive(
@@ -54,20 +54,21 @@ class Limits:
 
 
 def judge(run: xr.Dataset, limits: Limits) -> dict[str, float]:
-    """Verdict on a run, with any model of the water.
+    """Judge a run, made with any model of the water's loads.
 
     Parameters
     ----------
     run : xarray.Dataset
-        Of `exumob.simulate`, or packed (`exumob.learning.dataset`); longer than `limits.window`.
+        Result of `exumob.simulate`, or packed (`exumob.learning.dataset`); longer than `limits.window`.
     limits : Limits
 
     Returns
     -------
     dict
-        crossed (1 or 0); failure, index of `FAILURES`; speed [m/s] ahead along the first heading; drift [m] to the left
-        over the width; slip [-]; power [W] at the wheels (nan for packed runs); wheel_load, share of the weight [-];
-        tilt [rad], largest; out_of_range, share of the window (0 without networks).
+        ``crossed``: 1 or 0; ``failure``: index of `FAILURES`; ``speed`` ahead along the first heading [m/s]; ``drift``
+        to the left over the width [m]; mean ``slip`` ratio [-]; ``power`` at the wheels [W] (nan for packed runs);
+        ``wheel_load``: share of the weight on the wheels [-]; ``tilt``: largest roll or pitch [rad]; ``out_of_range``:
+        share of the window outside the training range [-] (0 without networks).
 
     Raises
     ------
@@ -109,7 +110,7 @@ def judge(run: xr.Dataset, limits: Limits) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Crossing:
-    """An experiment that ends with a verdict: what a map is made of; a function for `exumob.sweeps.sweep`."""
+    """An experiment that ends with a verdict: a function for `exumob.sweeps.sweep`, of which maps are made."""
 
     experiment: Experiment
     limits: Limits = field(default_factory=Limits)
@@ -122,7 +123,7 @@ class Crossing:
             )
 
     def __call__(self, values: Mapping[str, Any]) -> dict[str, float]:
-        """Run with other values, and judge; a vehicle that cannot even stand there has failed, too."""
+        """Run with other values and `judge`; a vehicle that cannot even stand there has failed, too."""
         try:
             run = self.experiment(values)
         except SimulationError as error:
@@ -134,7 +135,7 @@ class Crossing:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """As kept in results."""
+        """Experiment and limits, as kept in results."""
         return asdict(self)
 
 

@@ -1,4 +1,4 @@
-"""Mobility maps as figures."""
+"""Figure of a mobility map."""
 
 from __future__ import annotations
 
@@ -15,22 +15,21 @@ from exumob.support.figures import STYLE
 AXIS_NAMES = {
     "water.current_speed": "current [m/s]", "water.depth_ratio": "depth over tyre diameter", "water.depth": "depth [m]",
 }  # fmt: skip
-"""Of maps, in words."""
-
-
+"""Labels of the axes, by dotted name."""
 FAILURE_COLORS = ("none", "0.25", "C0", "C4", "C5", "C3", "C1", "C6", "0.6")
-"""By index of `exumob.mobility.crossing.FAILURES`."""
+"""Colours of failures, by index of `exumob.mobility.crossing.FAILURES`."""
 
 
 def plot_map(mapped: xr.Dataset, checks: xr.Dataset | None = None) -> Figure:
-    """Chance to cross (colours, border lines), speed ahead (dotted lines), why not (dots) of a mobility map.
+    """Draw a map: chance to cross (colours, border lines), speed ahead (dotted lines), kind of failure (dots).
 
     Parameters
     ----------
     mapped : xarray.Dataset
-        Of `exumob.mobility.map.compute_map`. Where the networks' answer does not count the map is hatched, not coloured.
+        Result of `exumob.mobility.map.compute_map`. Where the networks' answer does not count, it is hatched instead
+        of coloured.
     checks : xarray.Dataset, optional
-        Runs with the flow in the loop, for the first panel: x, y, crossed (1 or 0) along one dimension.
+        Verdicts on runs with the flow in the loop, for the first panel: x, y, crossed (1 or 0) along one dimension.
     """
     panels = mapped["panel"].values
     failures = mapped.attrs["failures"].split(", ")

@@ -1,1 +1,1 @@
-"""The scenarios of the paper, by name, and their runs with the flow in the loop."""
+"""The paper's scenarios by name (`scenarios`), and their runs with the flow in the loop (`reference_runs`)."""

@@ -1,7 +1,8 @@
-"""Reference lane changes with the flow in the loop: named, resumable, several side by side.
+"""The paper's lane changes with the flow in the loop (CFD-MBD runs): named, resumable, several side by side.
 
-A run takes half an hour and more; `compute_all` gives each a process of its own. Every run keeps a checkpoint (half a
-second of simulated time is the most that is ever lost) and, when it is finished, its whole result in one folder.
+A run takes half an hour and more; `compute_all` gives each a process of its own. In one folder (`work_folder`: the
+environment variable EXUMOB_RUNS, else ``runs``) every run keeps a checkpoint, from which it continues after a stop with
+at most half a second of simulated time lost, and, when it is finished, its whole result.
 """
 
 from __future__ import annotations
@@ -30,12 +31,17 @@ from exumob.vehicle.parameters import Vehicle
 logger = logging.getLogger(__name__)
 
 CELL_SIZE = 0.018
-"""Of the production runs [m]; the gap beside a wheel at full lock has 1.3 cells, where two are wanted."""
+"""Size of the cells round the vehicle in the runs of the data set [m].
+
+The gap beside a wheel at full lock has 1.3 cells; two would be needed to resolve it."""
 SOIL = "LETE sand"
-SNAPSHOTS = 0.1
-"""Interval at which the free surface is kept [s]."""
-TOLD = 0.25
-"""Simulated time between two words on how far a run has got [s]."""
+"""Published soil on which the vehicle drives."""
+SNAPSHOT_INTERVAL = 0.1
+"""Simulated time between the free surfaces that are kept [s]."""
+LOG_INTERVAL = 0.25
+"""Simulated time between the lines of the log [s]."""
+RUNS_VARIABLE = "EXUMOB_RUNS"
+"""Environment variable that names the folder of runs, see `work_folder`."""
 
 
 @dataclass(frozen=True)
@@ -44,39 +50,50 @@ class FlowRun:
 
     scenario: Scenario
     cell_size: float = CELL_SIZE
-    """Round the vehicle [m]"""
+    """Size of the cells round the vehicle [m]"""
     doubled: bool = False
-    """Whether the window reaches twice as far"""
+    """The window of the flow reaches twice as far from the vehicle"""
     macro_step: float = 1e-3
-    """[s]"""
+    """Interval at which vehicle and water exchange motion and loads [s]"""
     duration: float = 8.0
-    """[s]"""
+    """Simulated time [s]"""
 
     @property
     def name(self) -> str:
-        """As part of a file's name."""
+        """Name of the run as part of a file's name: the scenario, and settings other than the default."""
         window = "_doubled" if self.doubled else ""
         step = f"_{1e3 * self.macro_step:g}ms" if self.macro_step != 1e-3 else ""
         return f"{self.scenario.file_stem}_{1e3 * self.cell_size:g}mm{window}{step}"
 
     def compute(self, vehicle: Vehicle, work: Path) -> Path:
-        """Make the run, or go on with it; return the file of the whole result, in the folder `work`.
+        """Make the run, or continue it from its checkpoint, unless it is finished already.
+
+        Parameters
+        ----------
+        vehicle : Vehicle
+        work : Path
+            Folder of the checkpoint (``<name>.npz``) and the result (``<name>.nc``).
+
+        Returns
+        -------
+        Path
+            File of the whole result.
 
         Raises
         ------
         SimulationError
-            If the run breaks down; its checkpoint stays.
+            If the run breaks down; its checkpoint is kept.
         """
         whole = work / f"{self.name}.nc"
         if whole.exists():
             return whole
         work.mkdir(parents=True, exist_ok=True)
-        began, told = time.perf_counter(), float("-inf")
+        began, logged = time.perf_counter(), float("-inf")
 
         def progress(reached: float) -> None:
-            nonlocal told
-            if reached >= told + TOLD:
-                told = reached
+            nonlocal logged
+            if reached >= logged + LOG_INTERVAL:
+                logged = reached
                 logger.info(
                     "%s: %.2f of %g s after %.0f s", self.name, reached, self.duration, time.perf_counter() - began
                 )
@@ -84,7 +101,7 @@ class FlowRun:
         water = self.scenario.water(vehicle)
         grid = (doubled_grid if self.doubled else captive_grid)(vehicle, self.cell_size, water)
         flow = BuiltInFlow(
-            self.cell_size, grid=grid, settings=FlowSettings(threads=1), allow_coarse=True, snapshots=SNAPSHOTS
+            self.cell_size, grid=grid, settings=FlowSettings(threads=1), allow_coarse=True, snapshots=SNAPSHOT_INTERVAL
         )  # fmt: skip
         result = simulate(
             vehicle, Soil.published(SOIL), water, self.scenario.maneuver(), CfdHydrodynamics(flow, progress=progress),
@@ -97,7 +114,24 @@ class FlowRun:
 def compute_all(
     runs: Sequence[FlowRun], vehicle: Vehicle, work: Path, jobs: int = 2
 ) -> Iterator[tuple[FlowRun, xr.Dataset | Exception]]:
-    """Compute runs side by side, one thread each; yield each as it is finished, or why it was not."""
+    """Compute runs side by side, each in a process of its own with one thread.
+
+    Parameters
+    ----------
+    runs : sequence of FlowRun
+    vehicle : Vehicle
+    work : Path
+        Folder of checkpoints and results, see `FlowRun.compute`.
+    jobs : int
+        Number of processes.
+
+    Yields
+    ------
+    FlowRun
+        A run, as soon as it has ended.
+    xarray.Dataset or Exception
+        Its result, or the error that ended it; the other runs go on.
+    """
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(max(1, min(jobs, len(runs))), context, set_up_log) as pool:
         pending = {pool.submit(run.compute, vehicle, work): run for run in runs}
@@ -111,10 +145,10 @@ def compute_all(
 
 
 def set_up_log() -> None:
-    """Progress goes to standard error, with the time of day."""
+    """Log the progress of runs to standard error, with the time of day."""
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
 
 
 def work_folder() -> Path:
-    """Where runs are kept: the folder that EXUMOB_RUNS names, or ``runs``."""
-    return Path(os.environ.get("EXUMOB_RUNS", "runs"))
+    """Folder of the runs: the one that the environment variable EXUMOB_RUNS names, else ``runs``."""
+    return Path(os.environ.get(RUNS_VARIABLE, "runs"))

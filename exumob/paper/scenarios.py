@@ -1,4 +1,9 @@
-"""The scenarios of the reference maneuver, named D60/U1: depth 60 % of the tyre diameter, current 1 m/s ahead."""
+"""The scenarios of the paper's lane change (Sec. 4 and 5), by name.
+
+D60/U1 stands for water of 60 % of the tyre diameter with a current of 1 m/s from ahead. An amplitude of steering other
+than 30 degrees follows in degrees, D50/U0.5/15deg, and the angle of a current from the side after an @, D50/U0.5@20.
+`TRAINING` are the runs that networks learn from, `UNSEEN` those of the final evaluation.
+"""
 
 from __future__ import annotations
 
@@ -11,25 +16,25 @@ from exumob.support.checks import require_within
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 
-NAME = re.compile(
+NAME_PATTERN = re.compile(
     r"D(?P<depth>\d+(\.\d+)?)/U(?P<current>\d+(\.\d+)?)(@(?P<angle>-?\d+(\.\d+)?))?(/(?P<steering>-?\d+(\.\d+)?)deg)?"
 )
 REFERENCE_STEERING = 30.0
-"""Amplitude that a name need not mention [deg]."""
+"""Amplitude of the steering in the paper, which a name does not mention [deg]."""
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """Water and steering of one lane change."""
+    """Water and steering of one lane change, in the units of its name."""
 
     depth_ratio: float
     """Water depth over tyre diameter [-]"""
     current_speed: float
-    """[m/s]"""
+    """Speed of the current over ground [m/s]"""
     steering: float = REFERENCE_STEERING
-    """Amplitude [deg]; negative: the mirrored maneuver"""
+    """Amplitude of the steering angle [deg]; negative: the mirrored maneuver"""
     current_angle: float = 0.0
-    """Of the current [deg]; 0: head on, positive: it comes from the left of the first heading"""
+    """Angle of the current [deg]; 0: from ahead; positive: from the left of the first heading"""
 
     def __post_init__(self) -> None:
         require_within("Scenario", 0.0, 2.0, depth_ratio=self.depth_ratio)
@@ -38,14 +43,14 @@ class Scenario:
 
     @classmethod
     def named(cls, name: str) -> Scenario:
-        """Of a name such as D60/U1, D50/U0.5/15deg (steering), D50/U0.5@20 (current 20 degrees from the left).
+        """Make the scenario of a name: D60/U1, D50/U0.5/15deg (steering), D50/U0.5@20 (current 20 deg from the left).
 
         Raises
         ------
         ValueError
             If the name is not of that form.
         """
-        found = NAME.fullmatch(name)
+        found = NAME_PATTERN.fullmatch(name)
         if found is None:
             raise ValueError(
                 f"scenario {name!r} is not of the form D60/U1, D50/U0.5/15deg or D50/U0.5@20: depth in % of the tyre's "
@@ -58,25 +63,25 @@ class Scenario:
 
     @property
     def name(self) -> str:
-        """As `named` takes it."""
+        """Name of the scenario, as `named` takes it."""
         steering = "" if self.steering == REFERENCE_STEERING else f"/{self.steering:g}deg"
         angle = f"@{self.current_angle:g}" if self.current_angle else ""
         return f"D{100.0 * self.depth_ratio:g}/U{self.current_speed:g}{angle}{steering}"
 
     @property
     def file_stem(self) -> str:
-        """The name as part of a file's."""
+        """Name of the scenario as part of a file's name."""
         return self.name.replace("/", "_")
 
     def water(self, vehicle: Vehicle) -> Water:
-        """Water of the scenario for a vehicle's tyres."""
+        """Water of the scenario for the tyres of a vehicle."""
         return Water.at_ratio(
             self.depth_ratio, self.current_speed, tyre_diameter=vehicle.wheel.diameter,
             current_direction=math.pi + math.radians(self.current_angle),
         )  # fmt: skip
 
     def maneuver(self) -> LaneChange:
-        """The lane change, steered as the scenario says."""
+        """Lane change with the scenario's amplitude of steering."""
         return lane_change(math.radians(self.steering))
 
 
@@ -86,6 +91,6 @@ TRAINING = tuple(
         "D40/U0", "D40/U0.5", "D40/U1", "D45/U0.75", "D50/U0", "D55/U0.25", "D55/U0.75", "D60/U0", "D60/U1",
     )
 )  # fmt: skip
-"""Runs from which networks learn."""
+"""Nine scenarios whose runs networks learn from (paper Fig. 10)."""
 UNSEEN = tuple(Scenario.named(name) for name in ("D50/U0.5", "D60/U0.5", "D50/U1", "D50/U0.5/15deg"))
-"""Runs that no network sees before its final evaluation, nor anything that is chosen about it."""
+"""Four scenarios for the final evaluation: neither training nor any choice about a network uses their runs."""

@@ -1,11 +1,11 @@
 """From one run to thousands: what is varied, how it is sampled, and how the cases are run and kept."""
 
 from exumob.sweeps.experiment import Experiment
-from exumob.sweeps.runner import sweep
+from exumob.sweeps.run import sweep
 from exumob.sweeps.sampling import Choice, LogNormal, Normal, Triangular, Uniform, as_grid, grid, sample
-from exumob.sweeps.tuning import Tuned, tune
+from exumob.sweeps.tuning import Genetic, Simplex, Tuned, tune
 
 __all__ = [
-    "Choice", "Experiment", "LogNormal", "Normal", "Triangular", "Tuned", "Uniform", "as_grid", "grid", "sample",
-    "sweep", "tune",
+    "Choice", "Experiment", "Genetic", "LogNormal", "Normal", "Simplex", "Triangular", "Tuned", "Uniform", "as_grid",
+    "grid", "sample", "sweep", "tune",
 ]  # fmt: skip

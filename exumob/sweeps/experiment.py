@@ -1,4 +1,4 @@
-"""A run as data, any field of which is set by its dotted name: ``hull.mass``, ``water.depth_ratio``, ``soil.n``."""
+"""A run as data: any of its fields can be set by its dotted name, ``hull.mass``, ``water.depth_ratio``, ``soil.n``."""
 
 from __future__ import annotations
 
@@ -26,19 +26,20 @@ T = TypeVar("T")
 MANEUVERS: dict[str, Maneuver] = {
     "lane change": LaneChange(), "straight": ConstantSteer(), "path following": PathFollowing(),
 }  # fmt: skip
-"""Values of ``maneuver``."""
+"""Values of ``maneuver``, with the maneuver that each name stands for."""
 STEPS = ("duration", "micro_step", "macro_step", "record_step")
+"""Fields of the time of a run [s]."""
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One lane change, or another maneuver, ready to be run; calling it with values by name runs the changed one.
+    """One lane change, or another maneuver, ready to be run; calling it with values by name runs it with them.
 
-    Names: those of `Vehicle` and its parts (``hull.mass``, ``wheelbase``), ``soil`` (a published name) and
+    The names are those of `Vehicle` and its parts (``hull.mass``, ``wheelbase``), ``soil`` (a published name) and
     ``soil.<field>``, ``water.<field>`` and ``water.depth_ratio`` (over the tyre's diameter; 0: no water), ``maneuver``
-    (one of `MANEUVERS`) and ``maneuver.<field>``, ``hydrodynamics`` (`MODELS`), ``hydrodynamics.member`` (one network
-    of the ensemble, by number), ``hydrodynamics.<field>`` of the coefficients, and ``duration``, ``micro_step``,
-    ``macro_step``, ``record_step``.
+    (one of `MANEUVERS`) and ``maneuver.<field>``, ``hydrodynamics`` (one of `MODELS`), ``hydrodynamics.member`` (one
+    network of the ensemble, by number), ``hydrodynamics.<field>`` of the coefficients, and ``duration``,
+    ``micro_step``, ``macro_step``, ``record_step``.
     """
 
     vehicle: Vehicle
@@ -67,7 +68,7 @@ class Experiment:
         setting_named(self.setting)
 
     def names(self) -> list[str]:
-        """Everything that can be varied, by dotted name."""
+        """Dotted names of everything that can be varied."""
         found = _leaves(self.vehicle) + [f"soil.{n}" for n in _leaves(self.soil)] + ["soil"]
         found += ["water.depth_ratio", *(f"water.{n}" for n in _leaves(self.water or Water(0.1)))]
         if is_dataclass(self.maneuver):
@@ -83,7 +84,7 @@ class Experiment:
         Raises
         ------
         ValueError
-            If a name is not known, or a value is refused by what it belongs to.
+            If a name is not known, or a value is refused by the field that it belongs to.
         """
         changed = self._with("maneuver", values["maneuver"]) if "maneuver" in values else self  # its fields are names
         changed.check_names(values)
@@ -92,7 +93,7 @@ class Experiment:
         return changed
 
     def value(self, name: str) -> Any:
-        """The value that a name has now; of ``water.<field>`` that of the default water if there is none."""
+        """Value that a name has now; if there is no water, ``water.<field>`` is that of the default water."""
         self.check_names([name])
         owner, _, rest = name.partition(".")
         if name == "water.depth_ratio":
@@ -118,7 +119,7 @@ class Experiment:
                 raise ValueError(f"parameter {name!r} is not known; {hint}")
 
     def check_values(self, name: str, values: Iterable[Any]) -> None:
-        """Raise ValueError if a value, set by itself, is refused; many are looked at faster than by `with_values`."""
+        """Raise ValueError if a value, set by itself, is refused; for many values faster than `with_values`."""
         self.check_names([name])
         for value in values:
             self._with(name, value)
@@ -153,7 +154,13 @@ class Experiment:
         return self.water or Water(0.5 * self.vehicle.wheel.diameter)
 
     def water_model(self) -> Hydrodynamics:
-        """Make the model of the water's loads anew."""
+        """Make the model of the water's loads, ready for a run.
+
+        Raises
+        ------
+        ValueError
+            If the ensemble has no network with the number `member`, or the networks do not fit the vehicle.
+        """
         model = hydrodynamics_named(self.hydrodynamics, self.vehicle, self.water, coefficients=self.coefficients)
         if self.member is None or not isinstance(model, SurrogateHydrodynamics):
             return model
@@ -162,47 +169,47 @@ class Experiment:
         return SurrogateHydrodynamics(model.networks[self.member])
 
     def member_count(self) -> int:
-        """Networks in the ensemble that is the water."""
+        """Number of networks in the ensemble that comes with exumob."""
         return len(SurrogateHydrodynamics().networks)
 
     def network_digests(self) -> str:
-        """Of the networks that are the water, as text; empty if none are."""
+        """Digests of the networks that give the water's loads, as text; empty if none do."""
         if self.hydrodynamics not in ("auto", "networks"):
             return ""
         return " ".join(network.digest() for network in SurrogateHydrodynamics().networks)
 
     def check(self) -> None:
-        """Raise ValueError if the water model does not fit the vehicle."""
+        """Raise ValueError if the networks were trained for another vehicle."""
         model = self.water_model()
         for network in getattr(model, "networks", []):
             network.check_vehicle(self.vehicle)
 
     def run(self) -> xr.Dataset:
-        """Simulate; see `exumob.simulate`."""
+        """Simulate the experiment; see `exumob.simulate`."""
         return simulate(
             self.vehicle, self.soil, self.water, self.maneuver, self.water_model(), duration=self.duration,
             setting=self.setting, micro_step=self.micro_step, macro_step=self.macro_step, record_step=self.record_step,
         )  # fmt: skip
 
     def __call__(self, values: Mapping[str, Any]) -> xr.Dataset:
-        """Run with other values."""
+        """Simulate the experiment with other values."""
         return self.with_values(values).run()
 
 
 def amphibious_lane_change() -> Experiment:
-    """The paper's vehicle and maneuver in D60/U1 on LETE sand."""
+    """Experiment with the paper's vehicle and maneuver in D60/U1 on LETE sand."""
     from vehicle_models.amphibious import amphibious_vehicle
 
     return Experiment(amphibious_vehicle(), Soil.published("LETE sand"), Water.at_ratio(0.6, 1.0), LaneChange())
 
 
 def amphibious_crossing() -> Experiment:
-    """The paper's vehicle straight ahead for 5 s in D60/U1 on LETE sand: for mobility maps."""
+    """Experiment for mobility maps: the paper's vehicle straight ahead for 5 s in D60/U1 on LETE sand."""
     return replace(amphibious_lane_change(), maneuver=ConstantSteer(), duration=5.0)
 
 
 def maneuver_named(name: str) -> Maneuver:
-    """One of `MANEUVERS`.
+    """Maneuver that a name stands for, one of `MANEUVERS`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Which cases: full grids, and random or quasi-random samples of stated, possibly correlated distributions."""
+"""Cases of a sweep: full grids, and random or quasi-random samples of stated, possibly correlated distributions."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ from exumob.support.checks import require_finite, require_positive, require_with
 Case = dict[str, Any]
 """Values by dotted name."""
 Method = Literal["sobol", "halton", "lhs", "random"]
+"""How `sample` fills the space of the parameters."""
 
 
 class Distribution(Protocol):
-    """Of one parameter."""
+    """Distribution of one parameter, given by its quantiles."""
 
     def quantile(self, share: Array) -> NDArray[Any]:
-        """Values below which the shares (0 to 1) lie."""
+        """Values below which a parameter lies with the probabilities `share` (0 to 1)."""
 
 
 @dataclass(frozen=True)
 class Uniform:
-    """Every value from `low` to `high`."""
+    """Uniform distribution from `low` to `high`."""
 
     low: float
     high: float
@@ -47,7 +48,7 @@ class Uniform:
 
 @dataclass(frozen=True)
 class Normal:
-    """Gaussian, cut off at `low` and `high`."""
+    """Gaussian distribution, cut off at `low` and `high`."""
 
     mean: float
     deviation: float
@@ -67,7 +68,7 @@ class Normal:
 
 @dataclass(frozen=True)
 class LogNormal:
-    """Its logarithm is Gaussian; `spread` is the deviation of the logarithm (0.1: about 10 %)."""
+    """Log-normal distribution; `spread` is the standard deviation of the logarithm (0.1: about 10 %)."""
 
     median: float
     spread: float
@@ -82,7 +83,7 @@ class LogNormal:
 
 @dataclass(frozen=True)
 class Triangular:
-    """From `low` to `high`, most often `mode`."""
+    """Triangular distribution from `low` to `high` with its peak at `mode`."""
 
     low: float
     mode: float
@@ -101,11 +102,11 @@ class Triangular:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of several values, numbers or names."""
+    """Choice among several values, numbers or names."""
 
     values: tuple[Any, ...]
     weights: tuple[float, ...] | None = None
-    """Of each; default: all alike"""
+    """Weight of each value; None: all alike"""
 
     def __post_init__(self) -> None:
         if not self.values:
@@ -126,11 +127,11 @@ class Choice:
 DISTRIBUTIONS = {
     "uniform": Uniform, "normal": Normal, "lognormal": LogNormal, "triangular": Triangular,
 }  # fmt: skip
-"""By the names of study files; ``choice`` is written as its values."""
+"""Distributions by their names in study files; a `Choice` is written as the list of its values."""
 
 
 def grid(values: Mapping[str, Sequence[Any]]) -> list[Case]:
-    """All combinations, the last name varying fastest.
+    """Cases with all combinations of values, the last name varying fastest.
 
     Raises
     ------
@@ -147,21 +148,21 @@ def sample(
     number: int, distributions: Mapping[str, Distribution], *, method: Method = "sobol", seed: int = 0,
     correlations: Mapping[tuple[str, str], float] | None = None,
 ) -> list[Case]:  # fmt: skip
-    """Cases drawn from distributions.
+    """Draw cases from distributions.
 
     Parameters
     ----------
     number : int
-        Of cases; for ``"sobol"`` a power of 2 is best.
+        Number of cases; for ``"sobol"`` a power of 2 is best.
     distributions : mapping
-        By name.
+        Distributions by dotted name.
     method : str
         Quasi-random (``"sobol"``, ``"halton"``), Latin hypercube (``"lhs"``) or ``"random"``.
     seed : int
         The same seed gives the same cases.
     correlations : mapping, optional
-        Of pairs of names: correlation of the Gaussian variables behind them (a Gaussian copula; Iman & Conover,
-        Commun. Stat. B 11 (1982) 311, call for the same where only ranks are to be correlated).
+        Correlations by pairs of names: those of the Gaussian variables behind them (a Gaussian copula; Iman & Conover,
+        Commun. Stat. B 11 (1982) 311, use the same where only ranks are to be correlated).
 
     Raises
     ------
@@ -189,7 +190,7 @@ def sample(
 
 
 def as_grid(result: xr.Dataset) -> xr.Dataset:
-    """A sweep over a full grid with the parameters as dimensions in the place of the case.
+    """Result of a sweep over a full grid, with the parameters as dimensions instead of ``case``.
 
     Raises
     ------

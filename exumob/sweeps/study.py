@@ -1,6 +1,6 @@
 """Sweeps as text: study files (TOML) and the options ``--set`` and ``--vary`` of ``exumob sweep``.
 
-[base]                              # what all cases share, by dotted name
+[base]                              # values of all cases, by dotted name
 vehicle = "my_vehicle.py"           # default: the paper's vehicle
 soil = "LETE sand"
 water.depth_ratio = 0.6
@@ -10,7 +10,7 @@ duration = 8.0
 water.current_speed = [0.0, 0.5, 1.0]
 maneuver.amplitude = { from = 0.2, to = 0.6, number = 5 }
 
-[sample]                            # ... of which each point is drawn so often
+[sample]                            # random draws, combined with each point of the grid
 number = 64
 method = "sobol"                    # or "halton", "lhs", "random"
 seed = 1
@@ -38,16 +38,18 @@ from exumob.sweeps.sampling import DISTRIBUTIONS, Case, Choice, Distribution, gr
 from exumob.vehicle.parameters import load_vehicle
 
 SECTIONS = ("base", "vary", "sample")
+"""Tables of a study file."""
 SAMPLE = ("number", "method", "seed", "distributions", "correlations")
+"""Keys of the table ``sample``."""
 
 
 def read_study(file: str | Path) -> tuple[Experiment, list[Case]]:
-    """Experiment and cases of a study file.
+    """Read the experiment and the cases of a study file.
 
     Raises
     ------
     ValueError
-        If it cannot be read, or says something that is not known.
+        If the file cannot be read, or a name or value in it is not known.
     """
     path = Path(file)
     try:
@@ -65,7 +67,13 @@ def read_study(file: str | Path) -> tuple[Experiment, list[Case]]:
 def from_options(
     vehicle: Path | None, settings: Sequence[str], varied: Sequence[str], number: int, seed: int
 ) -> tuple[Experiment, list[Case]]:
-    """Experiment and cases of ``--set name=value`` and ``--vary name=...`` (`parse_variation`)."""
+    """Experiment and cases of the options ``--set name=value`` and ``--vary name=...`` (`parse_variation`).
+
+    Raises
+    ------
+    ValueError
+        If an option cannot be read, or a name or value is not known.
+    """
     base = amphibious_lane_change()
     if vehicle is not None:
         base = replace(base, vehicle=load_vehicle(vehicle))
@@ -82,12 +90,12 @@ def from_options(
 
 
 def parse_variation(text: str) -> tuple[str, list[Any] | Distribution]:
-    """``name=0,0.5,1`` (values), ``name=0:1:5`` (five from 0 to 1) or ``name~normal(1300, 200)`` (a distribution).
+    """Read ``name=0,0.5,1`` (values), ``name=0:1:5`` (five from 0 to 1) or ``name~normal(1300, 200)`` (a distribution).
 
     Raises
     ------
     ValueError
-        If it is none of these.
+        If the text is none of these.
     """
     hint = f"--vary {text}: write name=0,0.5,1 or name=0:1:5 (five values) or name~normal(1300,200)"
     at = min((i for i in (text.find("="), text.find("~")) if i > 0), default=-1)
@@ -140,7 +148,7 @@ def _cases(
     lists: Mapping[str, Sequence[Any]], distributions: Mapping[str, Distribution], options: Mapping[str, Any],
     correlations: Mapping[tuple[str, str], float],
 ) -> list[Case]:  # fmt: skip
-    """The grid; each of its points with each drawn sample."""
+    """Cases of the grid, each of its points with each drawn sample."""
     if not lists and not distributions:
         raise ValueError("nothing varies; give --vary, or [vary] or [sample.distributions] in a study file.")
     points = grid(lists) if lists else [{}]
@@ -173,7 +181,7 @@ def _distribution(name: str, value: Any) -> Distribution:
 
 
 def _flat(table: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
-    """Leaves of nested tables by dotted name; a table of a range or a distribution is a leaf."""
+    """Leaves of nested tables by dotted name; the table of a range or a distribution is a leaf."""
     found: list[tuple[str, Any]] = []
     leaves = {*DISTRIBUTIONS, "choice", "from", "to", "number"}
     for name, value in table.items():
@@ -191,7 +199,7 @@ def _known(where: str, given: Mapping[str, Any], known: Sequence[str]) -> None:
 
 
 def _value(text: str) -> Any:
-    """A number where it is one."""
+    """Number that a text stands for, or the text itself."""
     text = text.strip()
     for kind in (int, float):
         try:

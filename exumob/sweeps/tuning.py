@@ -1,7 +1,7 @@
-"""Which values are best: Exudyn's optimisers on the same description of a case as sweeps use.
+"""Finding the best values: Exudyn's optimisers on the same description of a case as sweeps use.
 
 Every evaluation is kept in a file. The optimisers are deterministic for a given seed, so the same call after a stop
-finds what it had computed and goes on from there.
+finds what it had computed and continues from there.
 """
 
 from __future__ import annotations
@@ -13,23 +13,59 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from exumob.simulation.result_files import save_dataset
+from exumob.support.checks import require_positive, require_within
 from exumob.support.errors import SimulationError
 from exumob.support.provenance import parameters_json, provenance
+from exumob.sweeps.case_store import function_identity, write_text
 from exumob.sweeps.experiment import Experiment
-from exumob.sweeps.runner import identity, write_whole
 from exumob.sweeps.sampling import Case
 
 FAILED = 1e6
 """Objective of a run that breaks down; finite, because the optimisers compute with it."""
 
 Objective = Callable[[xr.Dataset], float]
-Method = Literal["genetic", "minimize"]
+"""Takes the Dataset of a run, returns the number that is to be small."""
+Ranges = Mapping[str, tuple[float, float]]
+"""Lowest and highest value by dotted name."""
+
+
+@dataclass(frozen=True)
+class Genetic:
+    """Global search with `exudyn.processing.GeneticOptimization`: `population` times `generations` evaluations."""
+
+    population: int = 24
+    """Evaluations of a generation"""
+    generations: int = 6
+    workers: int = 2
+    """Number of processes"""
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_within("Genetic", 4, 1_000_000, population=self.population)
+        require_within("Genetic", 1, 1_000_000, generations=self.generations)
+        require_within("Genetic", 1, 4096, workers=self.workers)
+
+
+@dataclass(frozen=True)
+class Simplex:
+    """Local search with `exudyn.processing.Minimize` (Nelder & Mead, Comput. J. 7 (1965) 308)."""
+
+    start: Case | None = None
+    """Where the search begins, by dotted name, such as a `Tuned.best`; None: the middle of the ranges"""
+    tolerance: float = 1e-3
+    """The search ends when the simplex is smaller than this share of the ranges [-]"""
+    evaluations: int = 100
+    """The search ends after so many evaluations at the latest"""
+
+    def __post_init__(self) -> None:
+        require_positive("Simplex", tolerance=self.tolerance)
+        require_within("Simplex", 1, 1_000_000, evaluations=self.evaluations)
 
 
 @dataclass(frozen=True)
@@ -39,15 +75,14 @@ class Tuned:
     best: Case
     """Values by dotted name"""
     objective: float
-    """Of the best"""
+    """Objective of the best values"""
     evaluations: xr.Dataset
     """All that was tried, along ``evaluation``: the parameters and ``objective``"""
 
 
 def tune(
-    experiment: Experiment, ranges: Mapping[str, tuple[float, float]], objective: Objective, folder: str | Path, *,
-    cases: Sequence[Case] = ({},), method: Method = "genetic", start: Case | None = None, population: int = 24,
-    generations: int = 6, tolerance: float = 1e-3, evaluations: int = 100, workers: int = 2, seed: int = 0,
+    experiment: Experiment, ranges: Ranges, objective: Objective, folder: str | Path, *,
+    cases: Sequence[Case] = ({},), method: Genetic | Simplex = Genetic(),
 ) -> Tuned:  # fmt: skip
     """Find the values within ranges for which an objective is least.
 
@@ -57,24 +92,14 @@ def tune(
     ranges : mapping
         Lowest and highest value by dotted name.
     objective : callable
-        Takes the Dataset of a run, returns what is to be small; a function at the top level of a module. Its own source
-        tells the folder of one tuning from another's, not that of what it calls.
+        Takes the Dataset of a run, returns the number that is to be small; a function at the top level of a module.
+        Its own source tells the folder of one tuning from another's, not that of what it calls.
     folder : path
-        Keeps each evaluation, and ``tuning.nc``.
+        Folder that keeps each evaluation, and ``tuning.nc``.
     cases : sequence of dict
         Conditions (values by dotted name) over which the objective is averaged.
-    method : str
-        ``"genetic"`` (`exudyn.processing.GeneticOptimization`: global, `population` times `generations` evaluations,
-        side by side) or ``"minimize"`` (`exudyn.processing.Minimize`: Nelder & Mead (1965) from `start`, local).
-    start : dict, optional
-        For ``"minimize"``; default: the middle of the ranges.
-    tolerance, evaluations : float, int
-        For ``"minimize"``: ends when the simplex is smaller than this share of the ranges, or after so many
-        evaluations.
-    workers : int
-        Processes of ``"genetic"``.
-    seed : int
-        Of ``"genetic"``.
+    method : Genetic or Simplex
+        The optimiser with its settings.
 
     Returns
     -------
@@ -83,46 +108,28 @@ def tune(
     Raises
     ------
     ValueError
-        If a name is not known, a range is empty, a value is refused, or the folder is of another tuning.
+        If a name is not known, a range is empty, a value is refused, or the folder holds another tuning.
     RuntimeError
         If every run breaks down.
     """
-    if not ranges:
-        raise ValueError("tune.ranges is empty; give a range (low, high) for one name at least.")
-    for name, (low, high) in ranges.items():
-        if not (math.isfinite(low) and math.isfinite(high) and low < high):
-            raise ValueError(f"tune.ranges: {name} = ({low}, {high}) must be finite, its lower end first.")
-    if population < 4 or generations < 1 or workers < 1:
-        raise ValueError(f"tune: population = {population} >= 4, generations = {generations} >= 1, workers >= 1.")
-    if not cases:
-        raise ValueError("tune.cases is empty; leave it out, or give one condition at least.")
-    if start is not None and set(start) != set(ranges):
-        raise ValueError(
-            f"tune.start has the names {', '.join(start)}; it must have those of ranges: {', '.join(ranges)}."
-        )
-    if method not in ("genetic", "minimize"):
-        raise ValueError(f"tune.method = {method!r} is not known; use 'genetic' or 'minimize'.")
-    for case in cases:
-        for end in (0, 1):
-            experiment.with_values({**case, **{name: limits[end] for name, limits in ranges.items()}}).check()
+    _check(experiment, ranges, cases, method)
     place = Path(folder)
     (place / "evaluations").mkdir(parents=True, exist_ok=True)
-    mine = json.dumps({"experiment": identity(experiment), "objective": identity(objective), "cases": list(cases)})
-    said = place / "tuning.json"
-    if said.exists() and said.read_text() != mine:
-        raise ValueError(f"{place} holds another tuning; give another folder, or remove it.")
-    write_whole(said, mine)
+    _check_folder(place / "tuning.json", experiment, objective, cases)
     evaluate = _Evaluation(experiment, objective, tuple(cases), place / "evaluations")
-    if method == "genetic":
-        _genetic(evaluate, ranges, population, generations, workers, seed)
+    if isinstance(method, Genetic):
+        _genetic(evaluate, ranges, method)
     else:
-        first = start or {name: 0.5 * (low + high) for name, (low, high) in ranges.items()}
-        _simplex(evaluate, ranges, first, tolerance, evaluations)
+        _simplex(evaluate, ranges, method)
     result, reasons = _gathered(place, ranges)
+    genetic = isinstance(method, Genetic)
     result.attrs |= {
-        "random_seed": seed if method == "genetic" else "none (deterministic)",
+        "random_seed": method.seed if isinstance(method, Genetic) else "none (deterministic)",
         "settings": parameters_json(
-            {"experiment": experiment, "ranges": dict(ranges), "cases": list(cases), "method": method, "start": start}
+            {
+                "experiment": experiment, "ranges": dict(ranges), "cases": list(cases),
+                "method": "genetic" if genetic else "minimize", "start": getattr(method, "start", None),
+            }
         ),
     }  # fmt: skip
     save_dataset(result, place / "tuning.nc")
@@ -130,6 +137,40 @@ def tune(
     if float(result["objective"][best]) >= FAILED:
         raise RuntimeError(f"tune: every run broke down; the first: {next(iter(reasons), 'no reason is kept')}")
     return Tuned({n: float(result[n][best]) for n in ranges}, float(result["objective"][best]), result)
+
+
+def _check(experiment: Experiment, ranges: Ranges, cases: Sequence[Case], method: Genetic | Simplex) -> None:
+    """Raise ValueError if a request cannot be fulfilled, before anything runs."""
+    if not ranges:
+        raise ValueError("tune.ranges is empty; give a range (low, high) for one name at least.")
+    for name, (low, high) in ranges.items():
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise ValueError(f"tune.ranges: {name} = ({low}, {high}) must be finite, its lower end first.")
+    if not cases:
+        raise ValueError("tune.cases is empty; leave it out, or give one condition at least.")
+    if not isinstance(method, Genetic | Simplex):
+        raise ValueError(f"tune.method = {method!r} is not known; use Genetic(...) or Simplex(...).")
+    start = method.start if isinstance(method, Simplex) else None
+    if start is not None and set(start) != set(ranges):
+        raise ValueError(
+            f"Simplex.start has the names {', '.join(start)}; it must have those of ranges: {', '.join(ranges)}."
+        )
+    for case in cases:
+        for end in (0, 1):
+            experiment.with_values({**case, **{name: limits[end] for name, limits in ranges.items()}}).check()
+
+
+def _check_folder(file: Path, experiment: Experiment, objective: Objective, cases: Sequence[Case]) -> None:
+    """Write the description of a tuning to `file`, or raise ValueError if it holds that of another one."""
+    wanted = json.dumps(
+        {
+            "experiment": function_identity(experiment), "objective": function_identity(objective),
+            "cases": list(cases),
+        }
+    )  # fmt: skip
+    if file.exists() and file.read_text() != wanted:
+        raise ValueError(f"{file.parent} holds another tuning; give another folder, or remove it.")
+    write_text(file, wanted)
 
 
 @dataclass(frozen=True)
@@ -151,11 +192,11 @@ class _Evaluation:
         result = float(np.mean([value for value, _ in found]))
         reason = next((text for _, text in found if text), "")
         of_cases = [value for value, _ in found]
-        write_whole(file, json.dumps({"values": named, "objective": result, "of_cases": of_cases, "reason": reason}))
+        write_text(file, json.dumps({"values": named, "objective": result, "of_cases": of_cases, "reason": reason}))
         return result
 
     def _one(self, values: Case) -> tuple[float, str]:
-        """The objective, and why there is none."""
+        """The objective, and the reason if there is none."""
         try:
             run = self.experiment(values)
         except (SimulationError, ValueError) as error:
@@ -164,39 +205,35 @@ class _Evaluation:
         return (found, "") if math.isfinite(found) else (FAILED, f"the objective is {found}")
 
 
-def _genetic(
-    evaluate: _Evaluation, ranges: Mapping[str, tuple[float, float]], population: int, generations: int,
-    workers: int, seed: int,
-) -> None:  # fmt: skip
+def _genetic(evaluate: _Evaluation, ranges: Ranges, method: Genetic) -> None:
     from exudyn.processing import GeneticOptimization
 
     GeneticOptimization(
-        functools.partial(_of_parameters, evaluate), dict(ranges), populationSize=population,
-        numberOfGenerations=generations, elitistRatio=max(0.1, 1.0 / population), crossoverProbability=0.25,
-        rangeReductionFactor=0.7, distanceFactor=0.0, randomizerInitialization=seed, showProgress=False,
-        useMultiProcessing=workers > 1, numberOfThreads=workers,
+        functools.partial(_of_parameters, evaluate), dict(ranges), populationSize=method.population,
+        numberOfGenerations=method.generations, elitistRatio=max(0.1, 1.0 / method.population),
+        crossoverProbability=0.25, rangeReductionFactor=0.7, distanceFactor=0.0,
+        randomizerInitialization=method.seed, showProgress=False, useMultiProcessing=method.workers > 1,
+        numberOfThreads=method.workers,
     )  # fmt: skip
 
 
-def _simplex(
-    evaluate: _Evaluation, ranges: Mapping[str, tuple[float, float]], start: Case, tolerance: float, evaluations: int
-) -> None:  # fmt: skip
-    """In shares of the ranges, so that one tolerance fits all; the first simplex spans a tenth of each."""
+def _simplex(evaluate: _Evaluation, ranges: Ranges, method: Simplex) -> None:
+    """Search in shares of the ranges, so that one tolerance fits all; the first simplex spans a tenth of each."""
     from exudyn.processing import Minimize
 
+    start = method.start or {name: 0.5 * (low + high) for name, (low, high) in ranges.items()}
     shares = np.array([(float(start[n]) - low) / (high - low) for n, (low, high) in ranges.items()]).clip(0.0, 1.0)
     first = np.vstack([shares, *(shares + np.where(shares <= 0.5, 0.1, -0.1) * row for row in np.eye(len(shares)))])
+    most = method.evaluations
     Minimize(
         functools.partial(_of_shares, evaluate, dict(ranges)), dict.fromkeys(ranges, (0.0, 1.0)),
-        initialGuess=list(shares), method="Nelder-Mead", tol=tolerance,
-        options={"maxfev": evaluations, "maxiter": evaluations, "fatol": FAILED, "initial_simplex": first},
+        initialGuess=list(shares), method="Nelder-Mead", tol=method.tolerance,
+        options={"maxfev": most, "maxiter": most, "fatol": FAILED, "initial_simplex": first},
         showProgress=False, storeFunctionValues=False,
     )  # fmt: skip
 
 
-def _of_shares(
-    evaluate: _Evaluation, ranges: Mapping[str, tuple[float, float]], shares: Mapping[str, Any]
-) -> float:  # fmt: skip
+def _of_shares(evaluate: _Evaluation, ranges: Ranges, shares: Mapping[str, Any]) -> float:
     return evaluate({name: low + float(shares[name]) * (high - low) for name, (low, high) in ranges.items()})
 
 
@@ -204,7 +241,7 @@ def _of_parameters(evaluate: _Evaluation, parameters: Mapping[str, Any]) -> floa
     return evaluate(parameters)
 
 
-def _gathered(folder: Path, ranges: Mapping[str, tuple[float, float]]) -> tuple[xr.Dataset, list[str]]:
+def _gathered(folder: Path, ranges: Ranges) -> tuple[xr.Dataset, list[str]]:
     """Evaluations within the ranges, in the order in which they were made, and why some failed."""
     files = sorted((folder / "evaluations").glob("*.json"), key=lambda file: file.stat().st_mtime_ns)
     rows = [json.loads(file.read_text()) for file in files]

@@ -9,7 +9,8 @@ import xarray as xr
 from scipy.stats import binomtest
 
 from exumob.mobility.crossing import FAILURES, Crossing, Limits
-from exumob.mobility.map import Axis, MobilityMap, _Lattice, compute_map
+from exumob.mobility.lattice import Lattice
+from exumob.mobility.map import Axis, MobilityMap, compute_map
 from exumob.mobility.map_figure import plot_map
 from exumob.simulation.result_files import load_dataset
 from exumob.sweeps.experiment import amphibious_crossing
@@ -135,9 +136,9 @@ def test_probability_and_interval_at_a_scattered_node(tmp_path):
 
 
 def test_cells_out_of_range_are_not_refined():
-    wanted = MobilityMap(Ellipse(QUICK, BRIEF), scatter={}, levels=1)
-    grid = _Lattice(wanted, 0)
-    nodes = grid.wanted()
+    x, y = (axis.values(0) for axis in (MobilityMap.x, MobilityMap.y))
+    grid = Lattice(["sand"], x, y, BRIEF.range_share)
+    nodes = grid.pending()
     checked = np.array([[p, i, j] for p, i, j in nodes])
     go = checked[:, 2] < 2
     rows = xr.Dataset(
@@ -149,7 +150,7 @@ def test_cells_out_of_range_are_not_refined():
         }
     )
     grid.fill(nodes, rows, 1)
-    fresh = {(i, j) for _, i, j in grid.refined().wanted()}
+    fresh = {(i, j) for _, i, j in grid.refined().pending()}
     assert {(1, 3), (3, 3)} <= fresh  # in the middle of a border cell that counts
     assert not any(i > 6 for i, _ in fresh)
     assert not any(j > 4 or j < 2 for _, j in fresh)

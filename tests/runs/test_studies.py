@@ -16,6 +16,7 @@ from exumob.surrogates.model import shipped_networks
 from exumob.surrogates.networks import Architecture, NetworkSet
 
 ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "studies"))  # as for `python studies/<name>.py`: they import `common`
 
 
 def load_study(name):
@@ -165,9 +166,9 @@ def test_active_learning_study_follows_its_orders(tmp_path):
 
     held = np.array([[study.fold(run, seed, 8001) for seed in range(5)] for run in range(9)])
     assert (held.sum(axis=1) == 1).all() and (held[0] != held[1]).any()  # all of a run, by one seed of five each
-    written = {file: file.stat().st_mtime_ns for file in tmp_path.iterdir()}
+    written = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*")}
     assert study.main(quick=True, work=tmp_path).equals(result)
-    assert {file: file.stat().st_mtime_ns for file in tmp_path.iterdir()} == written
+    assert {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*")} == written
     assert "| 3 |" in study.report(result) and study.plot(result).axes and study.plot_forward(result).axes
 
 

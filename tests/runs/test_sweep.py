@@ -68,7 +68,7 @@ def test_results_and_parameters_are_gathered(tmp_path):
 
 def test_every_fault_becomes_a_row(tmp_path, monkeypatch):
     """The others are completed; dying cases are given up after the second time."""
-    monkeypatch.setattr("exumob.sweeps.runner.GRACE", 1.0)
+    monkeypatch.setattr("exumob.sweeps.processes.GRACE", 1.0)
     hows = ["no", "raise", "refuse", "break", "hang", "hang deaf", "die", "abort", "no"]
     result = sweep(faulty, [{"how": how, "n": n} for n, how in enumerate(hows)], tmp_path, time_limit=1.5)
     status = dict(zip(hows, result["status"].values, strict=True))

@@ -36,20 +36,20 @@ def runs(vehicle, sand):
 def test_training_learns_and_is_reproducible_and_resumed(runs, vehicle, tmp_path):
     inputs = ("forward_flow", "forward_speed", "immersion", "water_depth")
     preset = Preset("tiny", Architecture(inputs, 2, 5, "lstm", 12, 8), batch=16, epochs=30, thinning=4, mirror=True)
-    told = []
-    first = train([preset], runs, vehicle, tmp_path / "a", seeds=[1], jobs=2, told=told.append)["tiny", 1]
+    steps = []
+    first = train([preset], runs, vehicle, tmp_path / "a", seeds=[1], jobs=2, progress=steps.append)["tiny", 1]
     second = train([preset], runs, vehicle, tmp_path / "b", seeds=[1], jobs=1)["tiny", 1]
     network, again = NetworkSet.load(first), NetworkSet.load(second)
     assert network.digest() == again.digest()
-    assert sum(step.done for step in told) == 5
+    assert sum(step.done for step in steps) == 5
     losses = network.arrays["training_loss"]
     assert (np.nanmin(losses, axis=1) < 0.3 * losses[:, 0]).all()
     assert network.about["held_back"] == "D50/U0.5" and network.about["provenance"]["torch_version"]
 
     parts = {p: p.stat().st_mtime_ns for p in (tmp_path / "a" / "parts").iterdir()}
     next(p for p in parts if "hull" in p.name).unlink()
-    train([preset], runs, vehicle, tmp_path / "a", seeds=[1], jobs=1, told=told.append)
-    assert sum(step.done for step in told) == 6  # the one that was missing, alone
+    train([preset], runs, vehicle, tmp_path / "a", seeds=[1], jobs=1, progress=steps.append)
+    assert sum(step.done for step in steps) == 6  # the one that was missing, alone
     assert NetworkSet.load(first).digest() == network.digest()
 
 

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from exumob.support.errors import SimulationError
-from exumob.sweeps import tune
+from exumob.sweeps import Genetic, Simplex, tune
 from exumob.sweeps.experiment import Experiment, amphibious_lane_change
 
 RANGES = {"hull.mass": (30.0, 60.0), "wheelbase": (0.5, 0.9)}
@@ -41,7 +41,7 @@ def nowhere(run):
 
 
 def test_simplex_finds_the_optimum_and_says_what_it_tried(tmp_path):
-    found = tune(BOWL, RANGES, off, tmp_path, method="minimize", tolerance=1e-4, evaluations=200)
+    found = tune(BOWL, RANGES, off, tmp_path, method=Simplex(tolerance=1e-4, evaluations=200))
     assert found.best["hull.mass"] == pytest.approx(42.0, abs=0.1)
     assert found.best["wheelbase"] == pytest.approx(0.8, abs=2e-3)
     assert found.objective == pytest.approx(0.0, abs=1e-5)
@@ -50,51 +50,50 @@ def test_simplex_finds_the_optimum_and_says_what_it_tried(tmp_path):
 
 
 def test_genetic_search_comes_near_side_by_side_and_is_repeatable(tmp_path):
-    options = {"population": 20, "generations": 6, "seed": 3}
-    found = tune(BOWL, RANGES, off, tmp_path / "a", workers=2, **options)
+    method = Genetic(population=20, generations=6, workers=2, seed=3)
+    found = tune(BOWL, RANGES, off, tmp_path / "a", method=method)
     assert found.objective < 0.01
     assert found.evaluations["objective"].max() == 1e6  # the heavy ones broke down, and did no harm
-    again = tune(BOWL, RANGES, off, tmp_path / "b", workers=1, **options)
+    again = tune(BOWL, RANGES, off, tmp_path / "b", method=replace(method, workers=1))
     assert again.best == found.best
 
 
 def test_same_call_goes_on_with_what_was_computed(tmp_path):
-    options = {"method": "minimize", "evaluations": 12}
-    first = tune(BOWL, RANGES, off, tmp_path, **options)
+    method = Simplex(evaluations=12)
+    first = tune(BOWL, RANGES, off, tmp_path, method=method)
     files = sorted((tmp_path / "evaluations").iterdir())
     spoilt = files[0]
     spoilt.write_text(json.dumps(json.loads(spoilt.read_text()) | {"objective": -1.0}))  # would show if it were used
-    assert tune(BOWL, RANGES, off, tmp_path, **options).objective == -1.0
+    assert tune(BOWL, RANGES, off, tmp_path, method=method).objective == -1.0
     assert len(first.evaluations["objective"]) == len(files)
     with pytest.raises(ValueError, match="another tuning"):
-        tune(replace(BOWL, duration=3.0), RANGES, off, tmp_path, **options)
+        tune(replace(BOWL, duration=3.0), RANGES, off, tmp_path, method=method)
 
 
 def test_objective_is_averaged_over_cases(tmp_path):
     cases = [{"duration": 0.5}, {"duration": 1.5}]
-    found = tune(BOWL, RANGES, off, tmp_path, cases=cases, method="minimize", evaluations=60)
+    found = tune(BOWL, RANGES, off, tmp_path, cases=cases, method=Simplex(evaluations=60))
     assert found.objective == pytest.approx(1.0, abs=1e-2)
 
 
 def test_simplex_leaves_the_lower_end_of_the_ranges(tmp_path):
-    found = tune(
-        BOWL, RANGES, off, tmp_path, method="minimize", start={"hull.mass": 30.0, "wheelbase": 0.5}, evaluations=200
-    )
+    method = Simplex(start={"hull.mass": 30.0, "wheelbase": 0.5}, evaluations=200)
+    found = tune(BOWL, RANGES, off, tmp_path, method=method)
     assert found.objective == pytest.approx(0.0, abs=1e-4)
 
 
 def test_other_ranges_in_the_same_folder_get_their_own_best(tmp_path):
-    options = {"method": "minimize", "evaluations": 60}
-    tune(BOWL, RANGES, off, tmp_path, **options)
+    method = Simplex(evaluations=60)
+    tune(BOWL, RANGES, off, tmp_path, method=method)
     narrow = {"wheelbase": (0.5, 0.6), "hull.mass": (30.0, 35.0)}  # in another order, too
-    found = tune(BOWL, narrow, off, tmp_path, **options)
+    found = tune(BOWL, narrow, off, tmp_path, method=method)
     assert 30.0 <= found.best["hull.mass"] <= 35.0
     assert found.best["wheelbase"] == pytest.approx(0.6, abs=1e-2)
 
 
 def test_a_tuning_in_which_nothing_works_gives_no_answer(tmp_path):
     with pytest.raises(RuntimeError, match=r"every run broke down; the first: the objective is nan"):
-        tune(BOWL, RANGES, nowhere, tmp_path, method="minimize", evaluations=3)
+        tune(BOWL, RANGES, nowhere, tmp_path, method=Simplex(evaluations=3))
 
 
 @pytest.mark.parametrize(
@@ -104,13 +103,19 @@ def test_a_tuning_in_which_nothing_works_gives_no_answer(tmp_path):
         ({"ranges": {"hull.mas": (1.0, 2.0)}}, r"did you mean hull\.mass"),
         ({"ranges": {"hull.mass": (2.0, 1.0)}}, "lower end first"),
         ({"ranges": {"hull.mass": (-2.0, 1.0)}}, "mass"),
-        ({"method": "guess"}, "'genetic' or 'minimize'"),
+        ({"method": "guess"}, r"Genetic\(\.\.\.\) or Simplex"),
         ({"cases": []}, "cases is empty"),
-        ({"start": {"hull.mass": 40.0}}, "tune.start has the names hull.mass"),
-        ({"population": 2}, "population"),
+        ({"method": Simplex({"hull.mass": 40.0})}, r"Simplex\.start has the names hull\.mass"),
     ],
 )
 def test_bad_requests_are_refused_before_anything_runs(tmp_path, change, match):
     with pytest.raises(ValueError, match=match):
         tune(**({"experiment": BOWL, "ranges": RANGES, "objective": off, "folder": tmp_path} | change))
     assert not list(tmp_path.glob("evaluations/*"))
+
+
+def test_bad_settings_of_the_optimisers_are_refused():
+    with pytest.raises(ValueError, match=r"Genetic\.population = 2"):
+        Genetic(population=2)
+    with pytest.raises(ValueError, match=r"Simplex\.tolerance = 0\.0"):
+        Simplex(tolerance=0.0)

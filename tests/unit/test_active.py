@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from exumob.learning import active
-from exumob.learning.active import disagreement, load_scale, next_scenario, rank
+from exumob.learning import evaluation
+from exumob.learning.disagreement import disagreement, load_scale, next_scenario, rank
 from exumob.paper.scenarios import Scenario
 from exumob.support.errors import SimulationError
 from exumob.surrogates.networks import Architecture, NetworkSet, geometry
@@ -65,14 +65,14 @@ def test_outside_the_training_range_it_is_said(vehicle):
 
 
 def test_next_scenario_is_the_largest_that_can_be_driven(vehicle, monkeypatch, caplog):
-    drive = active.drive
+    drive = evaluation.drive
 
     def breaks(scenario, *others):
         if scenario.current_speed == 1.0:
             raise SimulationError("it breaks down")
         return drive(scenario, *others)
 
-    monkeypatch.setattr(active, "drive", breaks)
+    monkeypatch.setattr("exumob.learning.disagreement.drive", breaks)
     networks = [member(vehicle, slope=slope) for slope in (-1.0, 1.0)]
     assert next_scenario(WATERS[::-1], networks, vehicle, SHORT) == Scenario.named("D60/U0.5")
     assert "D60/U1@30/-30deg cannot be driven" in caplog.text

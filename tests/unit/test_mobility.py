@@ -107,9 +107,9 @@ def test_a_breakdown_outside_the_range_says_so():
 def test_same_draws_serve_every_node_and_members_take_turns():
     networks = replace(QUICK, hydrodynamics="networks")
     wanted = MobilityMap(Crossing(networks, BRIEF), draws=10)
-    factors = wanted._factors()
+    factors = wanted.factors()
     assert sorted(case["hydrodynamics.member"] for case in factors) == sorted(2 * list(range(5)))
-    one, other = (wanted._case({"soil": "LETE sand"}, x, y, factors[3]) for x, y in ((0.5, 0.4), (1.0, 0.6)))
+    one, other = (wanted.case({"soil": "LETE sand"}, x, y, factors[3]) for x, y in ((0.5, 0.4), (1.0, 0.6)))
     assert one["soil.cohesion"] == other["soil.cohesion"]
     assert one["water.current_speed"] / 0.5 == pytest.approx(other["water.current_speed"])
     assert one["water.depth_ratio"] / 0.4 == pytest.approx(other["water.depth_ratio"] / 0.6)

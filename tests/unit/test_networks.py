@@ -20,9 +20,9 @@ from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 
 torch = pytest.importorskip("torch")
+from exumob.learning.examples import training_runs, validation_run
 from exumob.learning.onnx_export import export_onnx
 from exumob.learning.torch_networks import LoadNetwork
-from exumob.learning.training import held_back, training_runs
 
 SHAPES = [SMALL, replace(SMALL, layer="dense"), replace(SMALL, layer="polynomial", taps=1)]
 
@@ -183,8 +183,8 @@ def test_jumps_are_left_out(runs):
     assert np.flatnonzero(~usable(run)).tolist() == list(range(180, 221))
 
 
-def test_held_back_run_lies_inside(runs):
-    assert {held_back(runs, seed) for seed in range(4)} == {"D50/U0.5"}
+def test_validation_run_lies_inside(runs):
+    assert {validation_run(runs, seed) for seed in range(4)} == {"D50/U0.5"}
 
 
 def test_evaluation_runs_are_never_learnt_from(runs, tmp_path):

@@ -8,9 +8,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from exumob.sweeps import runner
+from exumob.sweeps import run
+from exumob.sweeps.case_store import CaseStore, function_identity
 from exumob.sweeps.experiment import amphibious_lane_change
-from exumob.sweeps.runner import _check_cases, _Store
+from exumob.sweeps.run import _check_cases
 
 
 @pytest.fixture
@@ -44,7 +45,7 @@ UNREADABLE = 'exec(\'def answer(case):\\n    return {{"y": {} * case["x"]}}\')\n
 
 
 def prepare(folder, function, cases=({"x": 1.0},)):
-    _Store(folder, function, cases, None, False).prepare([])
+    CaseStore(folder, function, cases, None, False).prepare([])
 
 
 @pytest.mark.parametrize("text, made", [
@@ -88,7 +89,7 @@ def test_addresses_do_not_count(written, tmp_path):
     """Two objects that are alike, at different addresses."""
     module = written(FUNCTION.format(1))
     one, other = (functools.partial(module.answer, factor=SimpleNamespace(a=object())) for _ in range(2))
-    assert runner._identity(one) == runner._identity(other)
+    assert function_identity(one) == function_identity(other)
 
 
 def test_last_of_many_values_is_looked_at():
@@ -102,7 +103,7 @@ def test_last_of_many_values_is_looked_at():
 
 def test_smallest_and_largest_of_too_many_are_looked_at(monkeypatch):
     """And every value of a name that has few."""
-    monkeypatch.setattr(runner, "LOOKED_AT", 100)
+    monkeypatch.setattr(run, "CHECKED_VALUES", 100)
     cases = [{"soil": "LETE sand", "hull.mass": 50.0 + 1e-3 * n} for n in range(1000)]
     looked = []
     experiment = amphibious_lane_change()

@@ -1,19 +1,19 @@
-"""Which scenario should be computed next with the flow in the loop? The one on which an ensemble disagrees most.
+"""Active learning: the next scenario to compute with the flow in the loop is the one on which an ensemble disagrees.
 
 Query by committee (Seung, Opper & Sompolinsky 1992, COLT, 287-294), in its form for regression: the variance of an
 ensemble's members is the part of their error that more data would take away (Krogh & Vedelsby 1995, NIPS 7, 231-238).
 No flow is computed for it: the ensemble drives the vehicle through the candidate, in seconds instead of half an hour,
-and is asked along the path that it believes in.
+and the members are compared along the path that it predicts.
 
-What is measured: the standard deviation of the members' loads over the deviation of what they learnt (`load_scale`),
-root mean square over time, bodies and components. That is the unit in which training counts errors, the same for every
-candidate: small loads of a calm scenario do not count for more because they are small. It does not say what a load does
-to the path. The spread of the members' own ends would; it costs a run for each member instead of one, and knows nothing
-of errors whose effects cancel.
+The measure is the standard deviation of the members' loads over the deviation of the loads that they learnt
+(`load_scale`), root mean square over time, bodies and components. Training counts errors in the same unit for every
+candidate: small loads of a calm scenario do not count for more because they are small. The measure does not say what a
+load does to the path. The spread of the members' own final positions would; it costs a run for each member instead of
+one, and does not see errors whose effects cancel.
 
-Its limits: the members have the same inputs and the same kind of weights; what none of them can represent, no spread
-shows. Outside the training range inputs are held at its edge (`NetworkSet.scaled`), so there it is too small;
-`Disagreement.out_of_range` says for how long.
+Its limits: the members have the same inputs and the same kind of weights, and an error that all of them share causes no
+spread. Outside the training range inputs are held at its edge (`NetworkSet.scaled`), so the measure is too small there;
+`Disagreement.out_of_range` gives the share of the time.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ class Disagreement:
 
 
 def load_scale(networks: Sequence[NetworkSet]) -> Array:
-    """Deviation of what the members learnt, root mean square over them; shape (5, 6), N and N m.
+    """Standard deviation of the loads that the members learnt, root mean square over them; shape (5, 6), N and N m.
 
-    Of networks that are added to a base model that is the deviation of what they add.
+    For networks whose loads are added to a base model it is the deviation of the added loads.
     """
     return np.sqrt(np.mean([network.arrays["output_scale"].astype(float) ** 2 for network in networks], axis=0))
 
@@ -65,16 +65,16 @@ def load_scale(networks: Sequence[NetworkSet]) -> Array:
 def disagreement(
     scenario: Scenario, networks: Sequence[NetworkSet], vehicle: Vehicle, steps: Mapping[str, Any] = FAST
 ) -> Disagreement:
-    """Drive a scenario with an ensemble and say how far its members are apart on the way.
+    """Drive a scenario with an ensemble and measure how far its members are apart on the way.
 
     Parameters
     ----------
     scenario : Scenario
-        Any; there need be no run of it.
+        Any scenario; no run of it is needed.
     networks : sequence of NetworkSet
-        Members, two at least.
+        Members of the ensemble, two at least.
     vehicle : Vehicle
-        That of the training runs.
+        Vehicle of the training runs.
     steps : mapping
         Further arguments of `exumob.simulate`: its steps.
 
@@ -103,7 +103,7 @@ def disagreement(
 def rank(
     candidates: Iterable[Scenario], networks: Sequence[NetworkSet], vehicle: Vehicle, steps: Mapping[str, Any] = FAST
 ) -> list[Disagreement]:
-    """Disagreement on every candidate, the largest first; see `disagreement`.
+    """Measure the `disagreement` on every candidate and sort, the largest first.
 
     A candidate that the members cannot drive is left out, with a warning that names it.
     """
@@ -119,21 +119,22 @@ def rank(
 def next_scenario(
     candidates: Iterable[Scenario], networks: Sequence[NetworkSet], vehicle: Vehicle, steps: Mapping[str, Any] = FAST
 ) -> Scenario:
-    """The candidate on which the members disagree most: the one to compute next.
+    """Choose the candidate on which the members disagree most: the one to compute next.
 
     Parameters
     ----------
     candidates : iterable of Scenario
     networks : sequence of NetworkSet
-        Members, trained on the runs that there are.
+        Members of the ensemble, trained on the runs that there are.
     vehicle : Vehicle
+        Vehicle of the training runs.
     steps : mapping
         As for `disagreement`.
 
     Raises
     ------
     ValueError
-        If there is no candidate, or none that the members can drive.
+        If there is no candidate that the members can drive.
     """
     ranking = rank(candidates, networks, vehicle, steps)
     if not ranking:

@@ -1,0 +1,126 @@
+"""Examples to learn from: inputs and loads of the five bodies along the runs, split by run, with their scalers.
+
+What the paper leaves open: inputs and loads are scaled to zero mean and unit deviation over the training examples, and
+every seed keeps another run for validation, out of those inside the range of the others (`validation_run`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from exumob.learning.dataset import base_loads, body_states, load_runs, usable, water_of
+from exumob.learning.presets import Preset
+from exumob.paper.scenarios import UNSEEN
+from exumob.surrogates.inputs import MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
+from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, Single
+from exumob.vehicle.parameters import Vehicle
+
+
+@dataclass(frozen=True)
+class Examples:
+    """Inputs and loads of one body along several runs; the mirrored ones, if any, come last."""
+
+    inputs: list[Single]
+    """Inputs of each run, shape (n, k)"""
+    loads: list[Single]
+    """Loads of each run [N, N m], shape (n, 6): smoothed, less the base model's"""
+    usable: list[NDArray[np.bool_]]
+    """Instants of each run from which the network may learn, shape (n,)"""
+
+    def windows(self, run: int, rows: NDArray[np.intp], architecture: Architecture) -> Single:
+        """Windows of inputs that end at `rows`, oldest first; shape (m, taps, k)."""
+        back = architecture.stride * np.arange(architecture.taps - 1, -1, -1)
+        return self.inputs[run][np.maximum(rows[:, None] - back, 0)]
+
+    def choose(self, runs: Sequence[int], offset: int, thinning: int) -> list[tuple[int, NDArray[np.intp]]]:
+        """Choose every `thinning`-th row of some runs, from `offset` on, where it is usable."""
+        rows = [np.arange(offset, len(self.inputs[r]), thinning) for r in runs]
+        return [(r, n[self.usable[r][n]]) for r, n in zip(runs, rows, strict=True)]
+
+    def gather(
+        self, chosen: Sequence[tuple[int, NDArray[np.intp]]], architecture: Architecture
+    ) -> tuple[Single, Single]:
+        """Windows, shape (m, taps, k), and loads, shape (m, 6), of chosen rows."""
+        x = np.concatenate([self.windows(run, rows, architecture) for run, rows in chosen])
+        return x, np.concatenate([self.loads[run][rows] for run, rows in chosen])
+
+
+def training_runs(folder: str | Path) -> dict[str, xr.Dataset]:
+    """Runs of a folder by name, without those kept for the final evaluation (`exumob.paper.scenarios.UNSEEN`).
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two.
+    """
+    files = sorted(Path(folder).glob("*.nc"))
+    unseen = {scenario.file_stem for scenario in UNSEEN}
+    found = load_runs(file for file in files if file.stem not in unseen)
+    runs = {name: run for name, run in found.items() if name not in {scenario.name for scenario in UNSEEN}}
+    if len(runs) < 2:
+        raise ValueError(
+            f"{folder}: holds {len(runs)} runs to learn from, and two at least are needed (one is for validation); "
+            "studies/generate_training_data.py makes them, exumob.learning.importing reads yours."
+        )
+    return runs
+
+
+def validation_run(runs: Mapping[str, xr.Dataset], seed: int) -> str:
+    """Name of the run that a seed keeps for validation: its depth and current lie within those of the others."""
+    names = sorted(runs)
+    points = np.array([[1.0, (w := water_of(runs[name])).depth, w.current_speed] for name in names])
+    scaled = points / np.maximum(np.abs(points).max(axis=0), 1e-12)
+    inside = [
+        name for n, name in enumerate(names) if nnls(np.delete(scaled, n, axis=0).T, scaled[n])[1] < 1e-6
+    ] or names  # fmt: skip
+    return inside[seed % len(inside)]
+
+
+def build_examples(
+    runs: Mapping[str, xr.Dataset], vehicle: Vehicle, preset: Preset
+) -> tuple[list[str], list[Examples]]:
+    """Names of the runs in the order of the examples, and the examples of each of the five bodies."""
+    names = sorted(runs)
+    architecture = preset.architecture
+    inputs = [network_inputs(body_states(runs[n]), water_of(runs[n]), architecture.inputs) for n in names]
+    loads = [runs[n]["water_wrench_smooth"].values.astype(float) for n in names]
+    if architecture.base == "coefficients":
+        loads = [load - base_loads(runs[n], vehicle) for n, load in zip(names, loads, strict=True)]
+    loads = [load * (TRAINED_DENSITY / water_of(runs[n]).density) for n, load in zip(names, loads, strict=True)]
+    good = [usable(runs[n]) for n in names]
+    if preset.mirror:
+        order, signs = list(MIRRORED_BODIES), mirror_signs(architecture.inputs)
+        inputs += [x[:, order] * signs for x in inputs]
+        loads += [y[:, order] * MIRRORED_LOADS for y in loads]
+        good += good
+    return names, [
+        Examples([x[:, b].astype(np.float32) for x in inputs], [y[:, b].astype(np.float32) for y in loads], good)
+        for b in range(5)
+    ]
+
+
+def scalers(found: Examples, runs: Sequence[int], architecture: Architecture) -> dict[str, Single]:
+    """Scalers and training range of one body, by the names of `exumob.surrogates.networks.NetworkSet.arrays`."""
+    chosen = found.choose(runs, 0, 1)
+    x = np.concatenate([found.inputs[r][rows] for r, rows in chosen]).astype(float)
+    y = np.concatenate([found.loads[r][rows] for r, rows in chosen]).astype(float)
+    scale = x.std(axis=0)
+    scale = np.where(scale > 1e-6, scale, 1.0)
+    scaled = (x - x.mean(axis=0)) / scale
+    inverse = np.linalg.inv(scaled.T @ scaled / len(x) + 1e-4 * np.eye(x.shape[1]))
+    distance = np.sqrt(np.einsum("ni,ij,nj->n", scaled, inverse, scaled))
+    return {
+        name: np.asarray(value, np.float32)
+        for name, value in {
+            "input_mean": x.mean(axis=0), "input_scale": scale, "input_low": x.min(axis=0), "input_high": x.max(axis=0),
+            "joint_inverse": inverse, "joint_limit": distance.max(), "output_mean": y.mean(axis=0),
+            "output_scale": np.maximum(y.std(axis=0), 1e-6),
+        }.items()
+    }  # fmt: skip

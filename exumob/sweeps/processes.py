@@ -1,0 +1,231 @@
+"""The processes of a sweep: a case in its process, a pool under watch, ranks of MPI.
+
+A case ends as one of `exumob.sweeps.case_store.STATUSES`. A process that dies, or hangs beyond its time limit, is
+noticed from outside: the pool is killed and a new one begins with the cases that are left. A case that was under way in
+another process of that pool then starts again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from exumob.simulation.result_files import save_dataset
+from exumob.simulation.summary import summary
+from exumob.support.errors import SimulationError
+from exumob.sweeps.case_store import CaseStore
+
+GRACE = 10.0
+"""Time that a case may take beyond its time limit until its process is killed [s]."""
+ATTEMPTS = 2
+"""Number of processes that a case may take with it until it is given up as ``killed``."""
+POLL = 0.2
+"""Interval at which the pool is watched [s]."""
+
+
+class _OutOfTime(BaseException):
+    """Raised within a case by its alarm."""
+
+
+# -- one case ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Worker:
+    """The function that `exudyn.processing` calls with each case: runs it and keeps how it ended."""
+
+    store: CaseStore
+    parent: int | None = None
+    """Number of the pool's process, with which the worker must die; None: with MPI, which sees to that itself"""
+
+    def __call__(self, item: Mapping[str, int]) -> int:
+        number = int(item["case"])
+        store = self.store
+        if self.parent is not None and os.getpid() != self.parent:
+            _die_with_parent()
+        attempts = store.begin(number, self.parent is None)
+        began = time.perf_counter()
+
+        def end(status: str, reason: str = "", values: Mapping[str, Any] | None = None) -> int:
+            store.end(number, status, reason, time.perf_counter() - began, values or {})
+            return number
+
+        if attempts >= ATTEMPTS:
+            return end("killed", f"its process ended {attempts} times while this case was under way")
+        alarm = _Alarm(store.time_limit)
+        try:
+            with alarm:
+                found = store.function(store.cases[number])
+                values = summary(found) if isinstance(found, xr.Dataset) else found
+            if store.keep_runs and isinstance(found, xr.Dataset):
+                save_dataset(found, store.folder / "runs" / f"{number}.nc")
+            return end("completed", "", values)
+        except (Exception, _OutOfTime) as error:
+            reached = error.result if isinstance(error, SimulationError) else None
+            values = summary(reached) if isinstance(reached, xr.Dataset) and reached.sizes["time"] > 1 else {}
+            if alarm.rang:  # it may come out of the solver as another error
+                return end("out of time", f"it had not ended after {store.time_limit:g} s", values)
+            if isinstance(error, SimulationError):
+                return end("broke down", str(error), values)
+            if isinstance(error, ValueError):
+                return end("refused", str(error))
+            return end("failed", f"{type(error).__name__}: {error}")
+
+
+class _Alarm:
+    """Raises `_OutOfTime` in the main thread after `limit` seconds, where the system has such an alarm."""
+
+    def __init__(self, limit: float | None) -> None:
+        self.limit = limit if hasattr(signal, "setitimer") else None
+        self.rang = False
+
+    def _ring(self, *_: Any) -> None:
+        self.rang = True
+        raise _OutOfTime
+
+    def __enter__(self) -> None:
+        if self.limit is not None:
+            self._old = signal.signal(signal.SIGALRM, self._ring)
+            signal.setitimer(signal.ITIMER_REAL, self.limit)
+
+    def __exit__(self, *_: object) -> None:
+        if self.limit is not None:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, self._old)
+
+
+# -- a pool on one machine ---------------------------------------------------------------------------------------------
+
+
+def run_in_processes(store: CaseStore, workers: int, report_progress: Callable[[], None]) -> None:
+    """Run every case that is left in a pool of processes, begun anew after each death.
+
+    Parameters
+    ----------
+    store : CaseStore
+        The cases and the folder that keeps them; locked by the caller.
+    workers : int
+        Number of processes.
+    report_progress : callable
+        Called every `POLL` seconds.
+
+    Raises
+    ------
+    RuntimeError
+        If the processes cannot be started.
+    """
+    # a server that has imported everything starts a pool in no time
+    context: Any = multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
+    if sys.platform == "linux":
+        context.set_forkserver_preload(["__main__", __name__, "exudyn.processing"])
+    while left := store.left():
+        since = time.time()
+        pool = context.Process(target=_pool, args=(store, left, min(workers, len(left)), os.getpid()))
+        pool.start()
+        lost: set[int] = set()
+        try:
+            while pool.is_alive():
+                pool.join(POLL)
+                report_progress()
+                if lost := _lost(store, since):
+                    break
+        finally:
+            _kill(pool)
+            store.forget_begun(n for n, begun in store.begun().items() if begun["at"] >= since and n not in lost)
+        if pool.exitcode not in (0, None, -signal.SIGKILL) and store.left() == left and not lost:
+            raise RuntimeError(
+                f"sweep: the processes could not be started (exit code {pool.exitcode}); is the script's own work "
+                "under `if __name__ == '__main__':`?"
+            )
+
+
+def _lost(store: CaseStore, since: float) -> set[int]:
+    """Cases begun since then that will never end: their process is gone, or is far beyond its time limit."""
+    found = set()
+    for number, begun in store.begun().items():
+        if begun["at"] < since:  # by an earlier pool
+            continue
+        if not _alive(begun["pid"]):
+            if number not in store.ended():
+                found.add(number)
+        elif store.time_limit is not None and time.time() > begun["at"] + store.time_limit + GRACE:
+            store.end(number, "out of time", "it did not heed its time limit: killed", store.time_limit + GRACE, {})
+            found.add(number)
+    return found
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    with contextlib.suppress(OSError):  # a zombie has done its last work
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    return True
+
+
+def _kill(pool: Any) -> None:
+    """Kill the pool and its processes at once."""
+    if pool.is_alive():
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(pool.pid, signal.SIGKILL)
+        pool.kill()  # it may not have its group yet
+    pool.join()
+
+
+def _pool(store: CaseStore, numbers: list[int], workers: int, leader: int) -> None:
+    """Run cases with `exudyn.processing`, in a process group that the leader can kill as a whole."""
+    if hasattr(os, "setpgrp"):
+        os.setpgrp()
+    threading.Thread(target=_end_with, args=(leader,), daemon=True).start()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the leader ends the pool
+    if sys.platform == "linux":  # forked: no second start-up, and no named semaphores that a kill would leave behind
+        multiprocessing.set_start_method("fork", force=True)
+    from exudyn.processing import ProcessParameterList
+
+    ProcessParameterList(
+        _Worker(store, os.getpid()), [{"case": n} for n in numbers], workers > 1, numberOfThreads=workers
+    )
+
+
+def _end_with(leader: int) -> None:
+    """Kill the pool's processes as soon as the leader is gone."""
+    while _alive(leader):
+        time.sleep(POLL)
+    if hasattr(os, "killpg"):
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)
+
+
+def _die_with_parent() -> None:
+    """Have the system kill this process when its pool dies (Linux)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+        if os.getppid() == 1:
+            os._exit(1)
+
+
+# -- ranks of MPI ------------------------------------------------------------------------------------------------------
+
+
+def run_with_mpi(store: CaseStore) -> None:
+    """Run every case that is left on the ranks of ``mpiexec -n ... python -m mpi4py.futures``."""
+    from exudyn.processing import ProcessParameterList
+
+    left = store.left()
+    if left:
+        ProcessParameterList(_Worker(store), [{"case": n} for n in left], True, useMPI=True)
