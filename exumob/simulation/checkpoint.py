@@ -23,9 +23,10 @@ import numpy as np
 
 from exumob.coupling.schemes import Coupling
 from exumob.driving.maneuver import Maneuver
-from exumob.multibody.system import HISTORY_STEP, MultibodyVehicle, SavedState
+from exumob.multibody.system import MultibodyVehicle, SavedState
 from exumob.support.files import PACKAGE
 from exumob.support.provenance import parameters_json, versions
+from exumob.vehicle.motion import HISTORY_STEP
 from exumob.water.hydrodynamics import Hydrodynamics
 
 logger = logging.getLogger(__name__)

@@ -16,6 +16,7 @@ from exumob.coupling.schemes import Coupling
 from exumob.driving.maneuver import Maneuver
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
+from exumob.multibody.energy_account import WORK_KINDS
 from exumob.multibody.system import MultibodyVehicle
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
@@ -27,8 +28,6 @@ from exumob.water.flow_states import FLOW_STATES, flow_states
 from exumob.water.hydrodynamics import Hydrodynamics
 
 logger = logging.getLogger(__name__)
-
-WORK_KINDS = ("soil", "damper", "water", "spin", "steering", "settling")
 
 VARIABLES = {
     # name: (dimensions, units, meaning)
@@ -127,7 +126,7 @@ def build_dataset(
         "water_wrench": loads["water"],
         **_force_ledger(records, states, masses),
         "mass": masses,
-        "work": records["ledger"]["work"],
+        "work": records["energy_account"]["work"],
         "kinetic_energy": loads["kinetic_energy"],
         "stored_energy": loads["spring_energy"] + loads["gravity_energy"],
         "constraint_error": records["constraint_error"],

@@ -18,13 +18,14 @@ from exumob.coupling.schemes import Coupling, Explicit, SemiImplicit, wrenches
 from exumob.driving.maneuver import FeedbackManeuver, Maneuver, lane_change
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
-from exumob.multibody.system import HISTORY_STEP, SETTLING_STEP, MultibodyVehicle
+from exumob.multibody.settling import SETTLING_STEP
+from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.checkpoint import Checkpoints, Fingerprint
 from exumob.simulation.results import build_dataset
 from exumob.support.arrays import Array
 from exumob.support.checks import require_positive
 from exumob.support.errors import SimulationError, SimulationInterrupted
-from exumob.vehicle.motion import BodyStates
+from exumob.vehicle.motion import HISTORY_STEP, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
