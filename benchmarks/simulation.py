@@ -18,7 +18,8 @@ from collections.abc import Callable
 import numpy as np
 
 from exumob import CoefficientHydrodynamics, NoWater, Soil, Terrain, Water, lane_change, simulate
-from exumob.multibody.applied_loads import soil_damping, vehicle_loads
+from exumob.multibody.applied_loads import vehicle_loads
+from exumob.multibody.soil_contact import soil_damping
 from exumob.multibody.system import MultibodyVehicle
 from vehicle_models.amphibious import amphibious_vehicle
 
@@ -77,11 +78,11 @@ def pieces() -> None:
         state = model._heights, model._q, model._v, model._reference
         water = CoefficientHydrodynamics()
         water.start(VEHICLE, WATER, macro)
-        gather = microseconds(lambda m=model, s=state: vehicle_loads(m.model, *s, m.loads), 2000)
+        gather = microseconds(lambda m=model, s=state: vehicle_loads(m.parameters, *s, m.loads), 2000)
         hook = microseconds(lambda m=model: m._before_residual(None, 3.0, 1, 0), 2000)
-        command = microseconds(lambda m=model: m._set_command(3.0), 2000)
+        command = microseconds(lambda m=model: m._prescribe(3.0), 2000)
         account = microseconds(lambda m=model: m._account(3.0), 2000)
-        damping = microseconds(lambda m=model, s=state: soil_damping(m.model, *s, 1.0, m._damping_entries), 500)
+        damping = microseconds(lambda m=model, s=state: soil_damping(m.parameters, *s, 1.0, m._damping_entries), 500)
         wrenches = microseconds(lambda m=model, w=water: w.wrenches(m.history, m.present), 200)
         predict = microseconds(lambda m=model: m.predict(macro), 20)  # noqa: B023
         reactions = microseconds(model.constraint_wrenches, 50)

@@ -20,7 +20,8 @@ from types import ModuleType
 import numpy as np
 from numba import njit
 
-from exumob.ground import terramechanics
+from exumob.ground import contact_patch
+from exumob.ground.contact_patch import PATCH_FORCES, WheelMotion, WheelSize
 from exumob.ground.soil import Soil
 
 VERIFICATION = Path(__file__).parents[1] / "tests" / "physics" / "test_terramechanics_quadrature.py"
@@ -44,8 +45,8 @@ def load(path: Path, name: str) -> ModuleType:
 
 def with_nodes(count: int, folder: Path) -> ModuleType:
     """The kernel's module with another number of nodes (they are constants of the compiled code)."""
-    text = Path(terramechanics.__file__).read_text().replace(f"NODES = {terramechanics.NODES}", f"NODES = {count}")
-    path = folder / f"terramechanics_{count}.py"
+    text = Path(contact_patch.__file__).read_text().replace(f"NODES = {contact_patch.NODES}", f"NODES = {count}")
+    path = folder / f"contact_patch_{count}.py"
     path.write_text(text.replace("cache=True, ", ""))
     return load(path, path.stem)
 
@@ -58,11 +59,12 @@ def microseconds(module: ModuleType, soil: np.ndarray, state: tuple[float, ...],
     def loop(soil, sinkage, v_x, v_y, omega, calls, out):  # type: ignore[no-untyped-def]
         total = 0.0
         for i in range(calls):
-            kernel(soil, 0.1, 0.08, sinkage + 1e-9 * i, v_x, v_y, 0.0, omega, 0.0, 0.0, 0.01, out)
-            total += out[0]
+            motion = WheelMotion(v_x, v_y, 0.0, omega, 0.0, 0.0)
+            kernel(soil[0], WheelSize(0.1, 0.08), sinkage + 1e-9 * i, motion, 0.01, out[0])
+            total += out[0].force[0]
         return total
 
-    out, best = np.empty(12), np.inf
+    out, best = np.zeros(1, PATCH_FORCES), np.inf
     loop(soil, *state, 10, out)
     for _ in range(5):
         start = time.perf_counter()
@@ -85,26 +87,30 @@ def main() -> None:
     references = [verification.reference(*case) for case in cases]
     quadrature = 1e6 * (time.perf_counter() - start) / len(cases)
 
-    default = microseconds(terramechanics, soil.as_array(), STATES["driving"])
+    default = microseconds(contact_patch, soil.as_record(), STATES["driving"])
     print(f"{'nodes':>8} {'us a wheel':>11} {'time':>8} {'worst error':>12}   (driving; {len(cases)} states)")
     with tempfile.TemporaryDirectory() as folder:
-        for count in (8, 12, terramechanics.NODES, 24, 32):
-            module = with_nodes(count, Path(folder)) if count != terramechanics.NODES else terramechanics
+        for count in (8, 12, contact_patch.NODES, 24, 32):
+            module = with_nodes(count, Path(folder)) if count != contact_patch.NODES else contact_patch
             worst = 0.0
             for (case_soil, r, b, z, v, spin), exact in zip(cases, references, strict=True):
-                out = np.empty(12)
-                module.wheel_soil_kernel(case_soil.as_array(), r, b, z, *v, *spin, verification.RATE, out)
+                out = np.zeros(1, PATCH_FORCES)
+                motion = WheelMotion(*map(float, (*v, *spin)))
+                record = case_soil.as_record()
+                module.wheel_soil_kernel(record[0], WheelSize(r, b), z, motion, verification.RATE, out[0])
                 scale = np.linalg.norm(exact[:3]) * np.array([1.0, 1.0, 1.0, r, r, r])
-                worst = max(worst, float((np.abs(out[:6] - exact) / scale).max()))
-            cost = microseconds(module, soil.as_array(), STATES["driving"])
-            mark = "  <- default" if count == terramechanics.NODES else ""
+                worst = max(
+                    worst, float((np.abs(np.concatenate([out["force"][0], out["moment"][0]]) - exact) / scale).max())
+                )
+            cost = microseconds(module, soil.as_record(), STATES["driving"])
+            mark = "  <- default" if count == contact_patch.NODES else ""
             print(f"{count:8d} {cost:11.3f} {cost / default:7.2f}x {worst:12.1e}{mark}")
     print(f"{'adaptive':>8} {quadrature:11.0f} {quadrature / default:7.0f}x {'reference':>12}\n")
 
-    print(f"{'regime':>25} {'per axis':>10} {'resultant':>10}   us a wheel, {terramechanics.NODES} nodes")
-    resultant = replace(soil, shear_limit="resultant").as_array()
+    print(f"{'regime':>25} {'per axis':>10} {'resultant':>10}   us a wheel, {contact_patch.NODES} nodes")
+    resultant = replace(soil, shear_limit="resultant").as_record()
     for name, state in STATES.items():
-        pair = [microseconds(terramechanics, packed, state) for packed in (soil.as_array(), resultant)]
+        pair = [microseconds(contact_patch, packed, state) for packed in (soil.as_record(), resultant)]
         print(f"{name:>25} {pair[0]:10.3f} {pair[1]:10.3f}")
 
 

@@ -49,8 +49,9 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
+from exumob.ground.contact_patch import PATCH_FORCES, WheelMotion, WheelSize, wheel_soil_kernel
 from exumob.ground.soil import Soil
-from exumob.ground.terramechanics import contact_stresses, wheel_soil_forces, wheel_soil_kernel
+from exumob.ground.terramechanics import contact_stresses, wheel_soil_forces
 from exumob.support.constants import GRAVITY
 
 Array = NDArray[np.float64]
@@ -71,18 +72,21 @@ STANDSTILL_RATE = 1.0e-4
 
 
 @njit(error_model="numpy")
-def sinkage_under_load(soil, radius, width, v_x, v_y, omega, load, standstill_rate, out):  # type: ignore[no-untyped-def]
-    """Smallest sinkage [m] at which the soil carries `load` [N], NaN if none; leaves the kernel's results in `out`."""
+def sinkage_under_load(soil, wheel, motion, load, standstill_rate, result):  # type: ignore[no-untyped-def]
+    """Smallest sinkage [m] at which the soil carries `load` [N], NaN if none; leaves the kernel's results in `result`.
+
+    `soil` and `result` are arrays of one record: they stay alive while this runs.
+    """
     low = 0.0
     steps = 80
     for i in range(1, steps + 1):
-        high = DEEPEST * radius * (i / steps) ** 2
-        wheel_soil_kernel(soil, radius, width, high, v_x, v_y, 0.0, omega, 0.0, 0.0, standstill_rate, out)
-        if out[2] >= load:
+        high = DEEPEST * wheel.radius * (i / steps) ** 2
+        wheel_soil_kernel(soil[0], wheel, high, motion, standstill_rate, result[0])
+        if result[0].force[2] >= load:
             for _ in range(40):
                 middle = 0.5 * (low + high)
-                wheel_soil_kernel(soil, radius, width, middle, v_x, v_y, 0.0, omega, 0.0, 0.0, standstill_rate, out)
-                if out[2] >= load:
+                wheel_soil_kernel(soil[0], wheel, middle, motion, standstill_rate, result[0])
+                if result[0].force[2] >= load:
                     high = middle
                 else:
                     low = middle
@@ -93,11 +97,13 @@ def sinkage_under_load(soil, radius, width, v_x, v_y, omega, load, standstill_ra
 
 def loaded_wheel(soil: Soil, radius: float, width: float, v: tuple[float, float], omega: float, load: float) -> Array:
     """Sinkage [m], force (3) [N] and driving torque [N m] of a wheel under a load [N]; NaN where nothing carries it."""
-    out = np.zeros(12)
-    z = sinkage_under_load(soil.as_array(), radius, width, v[0], v[1], omega, load, STANDSTILL_RATE, out)
+    wheel = WheelSize(float(radius), float(width))
+    motion = WheelMotion(float(v[0]), float(v[1]), 0.0, float(omega), 0.0, 0.0)
+    result = np.zeros(1, PATCH_FORCES)
+    z = sinkage_under_load(soil.as_record(), wheel, motion, float(load), STANDSTILL_RATE, result)
     if math.isnan(z):
         return np.full(5, np.nan)
-    return np.array([z, out[0], out[1], out[2], out[6]])
+    return np.array([z, *result[0]["force"], result[0]["driving_torque"]])
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -172,28 +172,28 @@ def lowest_bed(terrain: Terrain, frames: Array, grid_low: Array, grid_high: Arra
 
 
 @njit(cache=True, error_model="numpy")
-def _lowest(parameters: Array, field: Array, frames: Array, x: Array, y: Array) -> float:
+def _lowest(terrain: np.ndarray, field: Array, frames: Array, x: Array, y: Array) -> float:
     """Lowest height at the points x, y of all frames."""
     lowest = np.inf
     for frame in frames:
         c, s = math.cos(frame[2]), math.sin(frame[2])
         for a in x:
             for b in y:
-                z, _, _ = terrain_height(parameters, field, frame[0] + c * a - s * b, frame[1] + s * a + c * b)
+                z, _, _ = terrain_height(terrain[0], field, frame[0] + c * a - s * b, frame[1] + s * a + c * b)
                 lowest = min(lowest, z)
     return lowest
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def take_heights(
-    parameters: Array, field: Array, frame: Array, metrics: Metrics, corners: Array, centers: Array, slope_x: Array,
+    terrain: np.ndarray, field: Array, frame: Array, metrics: Metrics, corners: Array, centers: Array, slope_x: Array,
     slope_y: Array,
 ) -> None:  # fmt: skip
     """Heights of the bed [m] at the columns' corners; their means, and slopes along the grid's axes, for the columns.
 
     Parameters
     ----------
-    parameters, field : array
+    terrain, field : array
         `Terrain.as_arrays`.
     frame : array, shape (3,)
         Grid origin x, y [m] and yaw [rad] in the world.
@@ -208,7 +208,7 @@ def take_heights(
         y = metrics.yf[j]
         for i in range(nx + 1):
             x = metrics.xf[i]
-            corners[j, i], _, _ = terrain_height(parameters, field, frame[0] + c * x - s * y, frame[1] + s * x + c * y)
+            corners[j, i], _, _ = terrain_height(terrain[0], field, frame[0] + c * x - s * y, frame[1] + s * x + c * y)
     for j in prange(ny):
         for i in range(nx):
             a, b, d, e = corners[j, i], corners[j, i + 1], corners[j + 1, i], corners[j + 1, i + 1]

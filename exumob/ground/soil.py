@@ -10,8 +10,27 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from exumob.ground.published_soils import SOIL_CLASSES, WONG_TABLE
-from exumob.support.arrays import Array
 from exumob.support.checks import require_positive, require_within
+
+SOIL_RECORD = np.dtype(
+    [
+        ("k_c", "f8"),
+        ("k_phi", "f8"),
+        ("n", "f8"),
+        ("cohesion", "f8"),
+        ("tan_friction_angle", "f8"),
+        ("shear_modulus_x", "f8"),
+        ("shear_modulus_y", "f8"),
+        ("c1", "f8"),
+        ("c2", "f8"),
+        ("rebound_ratio", "f8"),
+        ("damping", "f8"),
+        ("reece_pressure", "?"),  # pressure_form "reece"
+        ("shear_resultant", "?"),  # shear_limit "resultant"
+    ],
+    align=True,
+)
+"""A `Soil` as compiled code sees it; names and units of the fields are those of `Soil`."""
 
 
 @dataclass(frozen=True)
@@ -119,15 +138,17 @@ class Soil:
             return (self.k_c + self.k_phi * width) * (sinkage / width) ** self.n
         return (self.k_c / width + self.k_phi) * sinkage**self.n
 
-    def as_array(self) -> Array:
-        """Parameters packed for `exumob.ground.terramechanics.wheel_soil_kernel`, shape (13,)."""
-        return np.array(
-            [
-                self.k_c, self.k_phi, self.n, self.cohesion, math.tan(self.friction_angle), self.shear_modulus_x,
-                self.shear_modulus_y, self.c1, self.c2, self.rebound_ratio, self.damping,
-                float(self.pressure_form == "reece"), float(self.shear_limit == "resultant"),
-            ]
-        )  # fmt: skip
+    def as_record(self) -> np.ndarray:
+        """Parameters for compiled code: an array of dtype `SOIL_RECORD`, shape (1,); kernels take its element 0."""
+        derived = {
+            "tan_friction_angle": math.tan(self.friction_angle),
+            "reece_pressure": self.pressure_form == "reece",
+            "shear_resultant": self.shear_limit == "resultant",
+        }
+        record = np.zeros(1, SOIL_RECORD)
+        for name in SOIL_RECORD.names or ():
+            record[name] = derived[name] if name in derived else getattr(self, name)
+        return record
 
     @classmethod
     def published(cls, name: str) -> Soil:

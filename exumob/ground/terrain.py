@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -14,6 +15,19 @@ from numpy.typing import ArrayLike
 
 from exumob.support.arrays import Array
 from exumob.support.checks import require_finite, require_positive, require_within
+
+TERRAIN_RECORD = np.dtype(
+    [
+        ("height", "f8"),
+        ("slope_x", "f8"),
+        ("slope_y", "f8"),
+        ("origin_x", "f8"),
+        ("origin_y", "f8"),
+        ("spacing_x", "f8"),
+        ("spacing_y", "f8"),
+    ]
+)
+"""A `Terrain` but for its field of heights, as compiled code sees it; units as in `Terrain`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,17 +107,27 @@ class Terrain:
         """True for a horizontal plane."""
         return self.slope_x == 0.0 and self.slope_y == 0.0 and self.heights is None
 
-    def as_arrays(self) -> tuple[Array, Array]:
-        """Arguments of `terrain_height`: parameters, shape (7,), and heights, shape (n_y, n_x) or (0, 0)."""
+    def as_arrays(self) -> tuple[np.ndarray, Array]:
+        """The terrain for compiled code: what `terrain_height` reads.
+
+        Returns
+        -------
+        terrain : array of dtype `TERRAIN_RECORD`, shape (1,)
+            Kernels take its element 0.
+        heights : array, shape (n_y, n_x), or (0, 0) for a plane
+            Field added to the plane [m].
+        """
         dx, dy = self.spacing if isinstance(self.spacing, tuple) else (self.spacing, self.spacing)
-        parameters = np.array([self.height, self.slope_x, self.slope_y, self.origin[0], self.origin[1], dx, dy])
+        terrain = np.zeros(1, TERRAIN_RECORD)
+        terrain[0] = self.height, self.slope_x, self.slope_y, self.origin[0], self.origin[1], dx, dy
         heights = np.zeros((0, 0)) if self.heights is None else np.array(self.heights, dtype=float)
-        return parameters, heights
+        return terrain, heights
 
     def height_and_normal(self, x: float, y: float) -> tuple[float, Array]:
         """Height [m] and unit normal, world axes, shape (3,), at a point [m]."""
         require_finite("Terrain", x=x, y=y)
-        z, dz_dx, dz_dy = terrain_height(*self.as_arrays(), float(x), float(y))
+        terrain, heights = self.as_arrays()
+        z, dz_dx, dz_dy = terrain_height(terrain[0], heights, float(x), float(y))
         normal = np.array([-dz_dx, -dz_dy, 1.0])
         return z, normal / np.linalg.norm(normal)
 
@@ -131,13 +155,15 @@ def _spline_slopes(t: float) -> tuple[float, float, float, float]:
 
 
 @njit(cache=True, error_model="numpy")
-def terrain_height(parameters: Array, heights: Array, x: float, y: float) -> tuple[float, float, float]:
+def terrain_height(terrain: Any, heights: Array, x: float, y: float) -> tuple[float, float, float]:
     """Height and slopes of the terrain, for compiled code.
 
     Parameters
     ----------
-    parameters, heights : arrays
-        `Terrain.as_arrays`.
+    terrain : record of dtype `TERRAIN_RECORD`
+        Element 0 of the first array of `Terrain.as_arrays`; that array must outlive the call.
+    heights : array, shape (n_y, n_x)
+        Second array of `Terrain.as_arrays`.
     x, y : float
         World coordinates [m].
 
@@ -146,13 +172,13 @@ def terrain_height(parameters: Array, heights: Array, x: float, y: float) -> tup
     tuple of float
         z [m], dz/dx [-], dz/dy [-].
     """
-    slope_x, slope_y = parameters[1], parameters[2]
-    z = parameters[0] + slope_x * x + slope_y * y
+    slope_x, slope_y = terrain.slope_x, terrain.slope_y
+    z = terrain.height + slope_x * x + slope_y * y
     if heights.size == 0:
         return z, slope_x, slope_y
     n_y, n_x = heights.shape
-    column = (x - parameters[3]) / parameters[5]
-    row = (y - parameters[4]) / parameters[6]
+    column = (x - terrain.origin_x) / terrain.spacing_x
+    row = (y - terrain.origin_y) / terrain.spacing_y
     inside_x = 0.0 <= column <= n_x - 1.0
     inside_y = 0.0 <= row <= n_y - 1.0
     column = min(max(column, 0.0), n_x - 1.0)
@@ -173,7 +199,7 @@ def terrain_height(parameters: Array, heights: Array, x: float, y: float) -> tup
         dz_dx += along_y[b] * slope
         dz_dy += rate_y[b] * value
     if inside_x:
-        slope_x += dz_dx / parameters[5]
+        slope_x += dz_dx / terrain.spacing_x
     if inside_y:
-        slope_y += dz_dy / parameters[6]
+        slope_y += dz_dy / terrain.spacing_y
     return z, slope_x, slope_y

@@ -19,12 +19,12 @@ from scipy.spatial.transform import Rotation
 from exumob.simulation.result_files import load_dataset
 from exumob.support.arrays import Array
 from exumob.support.smoothing import WINDOW, smoothed, window_samples
-from exumob.vehicle.motion import BodyStates
+from exumob.vehicle.motion import HISTORY_STEP, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 
-SAMPLING = 1.0e-3
+SAMPLING = HISTORY_STEP
 """Interval between the samples of a packed run [s]."""
 VARIABLES = (
     "position", "quaternion", "yaw", "pitch", "roll", "velocity", "angular_velocity", "acceleration",

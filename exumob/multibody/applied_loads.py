@@ -1,4 +1,4 @@
-"""All applied loads on the vehicle at one instant: soil, suspension and water, in one Numba call a residual.
+"""All applied loads on the vehicle at one instant: soil, suspension and water, in one compiled call per residual.
 
 The multibody solver asks for them at every Newton iteration, so they are gathered here from the coordinates of nine
 rigid bodies (hull, four uprights, four wheels: Euler-parameter nodes of 7 coordinates each) into one record. Power
@@ -7,28 +7,26 @@ and stored energy of each kind of load come out alongside: they make the energy 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
-from exumob.ground.soil import Soil
-from exumob.ground.terrain import Terrain, terrain_height
-from exumob.ground.terramechanics import wheel_soil_kernel
+from exumob.ground.soil import SOIL_RECORD, Soil
+from exumob.ground.terrain import TERRAIN_RECORD, Terrain
+from exumob.multibody.rigid_body import angular_velocity, cross, dot, rotation_matrix
+from exumob.multibody.soil_contact import WHEEL_CONTACT, soil_on_wheel
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.vehicle.parameters import Vehicle
 
-SOIL_PARAMETERS = len(Soil.published("LETE sand").as_array())
-TERRAIN_PARAMETERS = len(Terrain().as_arrays()[0])
-
-MODEL = np.dtype(
+LOAD_PARAMETERS = np.dtype(
     [
-        ("soil", "f8", (SOIL_PARAMETERS,)),
-        ("terrain", "f8", (TERRAIN_PARAMETERS,)),
+        ("soil", SOIL_RECORD),
+        ("terrain", TERRAIN_RECORD),
         ("wheel_radius", "f8"),
         ("wheel_width", "f8"),
-        ("standstill_rate", "f8"),  # [rad/s]: spin below which shear is regularised, see `terramechanics`
+        ("standstill_rate", "f8"),  # [rad/s]: spin below which shear is regularised, see `contact_patch`
         ("ride_position", "f8", (4, 3)),  # wheel centres at ride height, hull axes from the hull's origin [m]
         ("stiffness", "f8", (4,)),
         ("damping", "f8", (4,)),
@@ -44,7 +42,7 @@ MODEL = np.dtype(
     ],
     align=True,
 )
-"""What the loads depend on besides the motion; constant during a run."""
+"""All that the loads depend on besides the motion; constant during a run."""
 
 LOADS = np.dtype(
     [
@@ -75,17 +73,30 @@ LOADS = np.dtype(
 """Loads on nine bodies at one instant, and what they are made of."""
 
 
-def load_model(vehicle: Vehicle, soil: Soil, terrain: Terrain, standstill_rate: float) -> np.ndarray:
+class Motion(NamedTuple):
+    """Motion of the nine bodies in compiled code: hull 0, upright of wheel i at 1 + i, wheel i at 5 + i."""
+
+    node: Array
+    """Coordinates of each body, shape (9, 7)"""
+    rate: Array
+    """Their time derivatives, shape (9, 7)"""
+    rotation: Array
+    """Rotation matrices, body to world, shape (9, 3, 3)"""
+    angular_velocity: Array
+    """World axes [rad/s], shape (9, 3)"""
+
+
+def pack_parameters(vehicle: Vehicle, soil: Soil, terrain: Terrain, standstill_rate: float) -> np.ndarray:
     """Pack what `vehicle_loads` needs into one record.
 
     Returns
     -------
-    array of dtype `MODEL`, shape (1,)
+    array of dtype `LOAD_PARAMETERS`, shape (1,)
     """
-    model = np.zeros(1, MODEL)
-    record = model[0]
-    record["soil"] = soil.as_array()
-    record["terrain"] = terrain.as_arrays()[0]
+    parameters = np.zeros(1, LOAD_PARAMETERS)
+    record = parameters[0]
+    record["soil"] = soil.as_record()[0]
+    record["terrain"] = terrain.as_arrays()[0][0]
     record["wheel_radius"] = vehicle.wheel.radius
     record["wheel_width"] = vehicle.wheel.width
     record["standstill_rate"] = standstill_rate
@@ -103,44 +114,7 @@ def load_model(vehicle: Vehicle, soil: Soil, terrain: Terrain, standstill_rate: 
     record["body_mass"][0] = vehicle.hull.mass
     record["body_inertia"][0] = np.diag(vehicle.hull.inertia_tensor)
     record["gravity"] = GRAVITY
-    return model
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _rotation(node: Array, a: Array) -> None:
-    """Rotation matrix of Euler parameters node[3:7] (scalar first)."""
-    e0, e1, e2, e3 = node[3], node[4], node[5], node[6]
-    a[0, 0] = 2.0 * (e0 * e0 + e1 * e1) - 1.0
-    a[0, 1] = 2.0 * (e1 * e2 - e0 * e3)
-    a[0, 2] = 2.0 * (e1 * e3 + e0 * e2)
-    a[1, 0] = 2.0 * (e1 * e2 + e0 * e3)
-    a[1, 1] = 2.0 * (e0 * e0 + e2 * e2) - 1.0
-    a[1, 2] = 2.0 * (e2 * e3 - e0 * e1)
-    a[2, 0] = 2.0 * (e1 * e3 - e0 * e2)
-    a[2, 1] = 2.0 * (e2 * e3 + e0 * e1)
-    a[2, 2] = 2.0 * (e0 * e0 + e3 * e3) - 1.0
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _spin(node: Array, rate: Array, w: Array) -> None:
-    """Angular velocity in world axes: w = 2 G(e) e_t, from Euler parameters node[3:7] and rates rate[3:7]."""
-    e0, e1, e2, e3 = node[3], node[4], node[5], node[6]
-    d0, d1, d2, d3 = rate[3], rate[4], rate[5], rate[6]
-    w[0] = 2.0 * (-e1 * d0 + e0 * d1 - e3 * d2 + e2 * d3)
-    w[1] = 2.0 * (-e2 * d0 + e3 * d1 + e0 * d2 - e1 * d3)
-    w[2] = 2.0 * (-e3 * d0 - e2 * d1 + e1 * d2 + e0 * d3)
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _cross(a: Array, b: Array, c: Array) -> None:
-    c[0] = a[1] * b[2] - a[2] * b[1]
-    c[1] = a[2] * b[0] - a[0] * b[2]
-    c[2] = a[0] * b[1] - a[1] * b[0]
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _dot(a: Array, b: Array) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return parameters
 
 
 @njit(cache=True, error_model="numpy")
@@ -157,106 +131,14 @@ def stop_force(penetration: float, stiffness: float, softening: float) -> tuple[
 
 
 @njit(cache=True, error_model="numpy")
-def _soil_on_wheel(
-    m: Any, heights: Array, center: Array, velocity: Array, axle: Array, omega: float, spin: Array, wheel: Array,
-    force: Array, moment: Array,
-) -> float:  # fmt: skip
-    """Bekker-Wong force and moment in world axes, in the frame of the terrain below the wheel; returns the sinkage.
-
-    `wheel` receives the result of `wheel_soil_kernel`, its last entry the angle of the velocity to the heading.
-    """
-    heading, left, normal = np.empty(3), np.empty(3), np.empty(3)
-    ground, slope_x, slope_y = terrain_height(m.terrain, heights, center[0], center[1])
-    norm = 1.0 / np.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
-    normal[0], normal[1], normal[2] = -slope_x * norm, -slope_y * norm, norm
-    _cross(axle, normal, heading)
-    norm = 1.0 / np.sqrt(_dot(heading, heading))
-    for k in range(3):
-        heading[k] *= norm
-    _cross(normal, heading, left)
-    sinkage = m.wheel_radius - (center[2] - ground) * normal[2]
-    v_x, v_y, v_z = _dot(velocity, heading), _dot(velocity, left), _dot(velocity, normal)
-    omega_x, omega_z = _dot(spin, heading), _dot(spin, normal)
-    wheel_soil_kernel(
-        m.soil, m.wheel_radius, m.wheel_width, sinkage, v_x, v_y, v_z, omega, omega_x, omega_z, m.standstill_rate, wheel
-    )  # fmt: skip
-    for k in range(3):
-        force[k] = wheel[0] * heading[k] + wheel[1] * left[k] + wheel[2] * normal[k]
-        moment[k] = wheel[3] * heading[k] + wheel[4] * left[k] + wheel[5] * normal[k]
-    wheel[11] = np.arctan2(v_y, abs(v_x)) if v_x * v_x + v_y * v_y > 1e-6 else 0.0
-    return sinkage
-
-
-@njit(cache=True, error_model="numpy")
-def soil_damping(
-    model: np.ndarray, heights: Array, coordinates: Array, velocities: Array, reference: Array, factor: float,
-    entries: Array,
-) -> None:  # fmt: skip
-    """Derivative of the soil's generalised forces with respect to the velocities of the wheel centres.
-
-    For the Newton iterations of the multibody solver: soil at standstill is stiff in velocity.
-
-    Parameters
-    ----------
-    model, heights, coordinates, velocities, reference
-        As for `vehicle_loads`.
-    factor : float
-        Multiplies the derivatives.
-    entries : array, shape (132, 3)
-        Receives row, column and value of a sparse matrix; rows are the coordinates of uprights and wheels, columns the
-        velocities of the uprights' origins.
-    """
-    m = model[0]
-    step = 1e-7
-    upright, spin, wheel_spin = np.empty((3, 3)), np.empty(3), np.empty(3)
-    speed, axle = np.empty(3), np.empty(3)
-    wheel, force, changed = np.empty(12), np.empty(3), np.empty(3)
-    moment, changed_moment, bearing = np.empty(3), np.empty(3), np.empty(3)
-    entry = 0
-    for i in range(4):
-        first, rim = 7 * (1 + i), 7 * (5 + i)
-        body = coordinates[first : first + 7] + reference[first : first + 7]
-        rim_node = coordinates[rim : rim + 7] + reference[rim : rim + 7]
-        _rotation(body, upright)
-        _spin(body, velocities[first : first + 7], spin)
-        _spin(rim_node, velocities[rim : rim + 7], wheel_spin)
-        for k in range(3):
-            axle[k] = upright[k, 1]
-            speed[k] = velocities[first + k]
-        omega = _dot(wheel_spin, axle)
-        _soil_on_wheel(m, heights, body, speed, axle, omega, spin, wheel, force, moment)
-        for k in range(3):
-            speed[k] += step
-            _soil_on_wheel(m, heights, body, speed, axle, omega, spin, wheel, changed, changed_moment)
-            speed[k] -= step
-            for j in range(3):
-                entries[entry, 0], entries[entry, 1] = first + j, first + k
-                entries[entry, 2] = factor * (changed[j] - force[j]) / step
-                entry += 1
-                bearing[j] = factor * (changed_moment[j] - moment[j]) / step
-            torque = _dot(bearing, axle)
-            for j in range(3):
-                bearing[j] -= torque * axle[j]
-            for row, node, part in ((first, body, bearing), (rim, rim_node, torque * axle)):
-                e0, e1, e2, e3 = node[3], node[4], node[5], node[6]  # Q_e = 2 G^T(e) moment
-                for j in range(4):
-                    entries[entry + j, 0], entries[entry + j, 1] = row + 3 + j, first + k
-                entries[entry, 2] = 2.0 * (-e1 * part[0] - e2 * part[1] - e3 * part[2])
-                entries[entry + 1, 2] = 2.0 * (e0 * part[0] + e3 * part[1] - e2 * part[2])
-                entries[entry + 2, 2] = 2.0 * (-e3 * part[0] + e0 * part[1] + e1 * part[2])
-                entries[entry + 3, 2] = 2.0 * (e2 * part[0] - e1 * part[1] + e0 * part[2])
-                entry += 4
-
-
-@njit(cache=True, error_model="numpy")
 def vehicle_loads(
-    model: np.ndarray, heights: Array, coordinates: Array, velocities: Array, reference: Array, loads: np.ndarray
+    parameters: np.ndarray, heights: Array, coordinates: Array, velocities: Array, reference: Array, loads: np.ndarray
 ) -> None:
     """Compute the loads on all bodies for given coordinates.
 
     Parameters
     ----------
-    model : array of dtype `MODEL`, shape (1,)
+    parameters : array of dtype `LOAD_PARAMETERS`, shape (1,)
     heights : array, shape (ny, nx)
         Height field of the terrain (see `Terrain.as_arrays`).
     coordinates, velocities, reference : array, shape (63,)
@@ -264,211 +146,134 @@ def vehicle_loads(
     loads : array of dtype `LOADS`, shape (1,)
         ``loads["water"]`` is read; everything else is written.
     """
-    m = model[0]
+    p = parameters[0]
     out = loads[0]
-    node = np.empty((9, 7))
+    motion = _motion(coordinates, velocities, reference)
+    contact = np.empty(1, WHEEL_CONTACT)
+    _start_sums(p, motion, out)
+    _water_on_hull(p, motion, out)
+    for i in range(4):
+        _water_on_wheel(p, motion, i, out)
+        _suspension(p, motion, i, out)
+        _soil(p, heights, motion, i, contact, out)
+
+
+@njit(cache=True, error_model="numpy")
+def _motion(coordinates: Array, velocities: Array, reference: Array) -> Motion:
+    node, rotation, turning = np.empty((9, 7)), np.empty((9, 3, 3)), np.empty((9, 3))
+    rate = velocities.reshape(9, 7)
     for i in range(9):
         for k in range(7):
             node[i, k] = coordinates[7 * i + k] + reference[7 * i + k]
-    rate = velocities.reshape(9, 7)
-    hull, upright = np.empty((3, 3)), np.empty((3, 3))
-    hull_spin, upright_spin, wheel_spin = np.empty(3), np.empty(3), np.empty(3)
-    arm, arm_velocity, lift, moment = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    axle, soil_force, soil_moment = np.empty(3), np.empty(3), np.empty(3)
-    wheel = np.empty(12)
-    _rotation(node[0], hull)
-    _spin(node[0], rate[0], hull_spin)
-    lift[0], lift[1], lift[2] = hull[0, 2], hull[1, 2], hull[2, 2]
-    settling = m.settling_rate
-    soil_power = 0.0
-    damper_power = 0.0
-    water_power = 0.0
-    settling_power = 0.0
-    spring_energy = 0.0
-    deepest = 0.0
+        rotation_matrix(node[i], rotation[i])
+        angular_velocity(node[i], rate[i], turning[i])
+    return Motion(node, rate, rotation, turning)
+
+
+@njit(cache=True, error_model="numpy")
+def _start_sums(p: Any, motion: Motion, out: Any) -> None:
+    """Set the sums over the wheels to zero, and compute the kinetic and the potential energy."""
+    out.soil_power = 0.0
+    out.damper_power = 0.0
+    out.water_power = 0.0
+    out.settling_power = 0.0
+    out.spring_energy = 0.0
+    out.deepest = 0.0
     kinetic = 0.0
     potential = 0.0
     for i in range(9):
-        _rotation(node[i], upright)
-        _spin(node[i], rate[i], upright_spin)
+        rotation, turning, rate = motion.rotation[i], motion.angular_velocity[i], motion.rate[i]
         for k in range(3):
-            local = upright[0, k] * upright_spin[0] + upright[1, k] * upright_spin[1] + upright[2, k] * upright_spin[2]
-            kinetic += 0.5 * m.body_inertia[i, k] * local * local + 0.5 * m.body_mass[i] * rate[i, k] ** 2
-        potential += m.body_mass[i] * m.gravity * node[i, 2]
+            local = rotation[0, k] * turning[0] + rotation[1, k] * turning[1] + rotation[2, k] * turning[2]
+            kinetic += 0.5 * p.body_inertia[i, k] * local * local + 0.5 * p.body_mass[i] * rate[k] ** 2
+        potential += p.body_mass[i] * p.gravity * motion.node[i, 2]
+    out.kinetic_energy = kinetic
+    out.gravity_energy = potential
 
+
+@njit(cache=True, error_model="numpy")
+def _water_on_hull(p: Any, motion: Motion, out: Any) -> None:
+    """Water on the hull, and the damping of its motion while the vehicle settles."""
+    rotation, turning, rate = motion.rotation[0], motion.angular_velocity[0], motion.rate[0]
     for k in range(3):
         f = 0.0
         t = 0.0
         for j in range(3):
-            f += hull[k, j] * out.water[0, j]
-            t += hull[k, j] * out.water[0, 3 + j]
-        water_power += f * rate[0, k] + t * hull_spin[k]
-        f_s = -settling * m.body_mass[0] * rate[0, k]
-        t_s = -settling * m.body_inertia[0, k] * hull_spin[k]
-        settling_power += f_s * rate[0, k] + t_s * hull_spin[k]
+            f += rotation[k, j] * out.water[0, j]
+            t += rotation[k, j] * out.water[0, 3 + j]
+        out.water_power += f * rate[k] + t * turning[k]
+        f_s = -p.settling_rate * p.body_mass[0] * rate[k]
+        t_s = -p.settling_rate * p.body_inertia[0, k] * turning[k]
+        out.settling_power += f_s * rate[k] + t_s * turning[k]
         out.hull_force[k] = f + f_s
         out.hull_torque[k] = t + t_s
 
-    for i in range(4):
-        body, rim = node[1 + i], node[5 + i]
-        speed = rate[1 + i]
-        _rotation(body, upright)
-        _spin(body, speed, upright_spin)
-        _spin(rim, rate[5 + i], wheel_spin)
-        for k in range(3):
-            axle[k] = upright[k, 1]
 
-        # water on the wheel body, and settling damping
-        for k in range(3):
-            f = 0.0
-            t = 0.0
-            for j in range(3):
-                f += upright[k, j] * out.water[1 + i, j]
-                t += upright[k, j] * out.water[1 + i, 3 + j]
-            water_power += f * speed[k] + t * upright_spin[k]
-            f_s = -settling * (m.body_mass[1 + i] + m.body_mass[5 + i]) * speed[k]
-            settling_power += f_s * speed[k]
-            out.upright_force[i, k] = f + f_s
-            out.upright_torque[i, k] = t
-
-        # suspension: along the hull's z axis through the wheel centre
-        for k in range(3):
-            arm[k] = body[k] - node[0, k]
-        _cross(hull_spin, arm, arm_velocity)
-        stroke = _dot(lift, arm) - m.ride_position[i, 2]
-        stroke_rate = 0.0
-        for k in range(3):
-            stroke_rate += lift[k] * (speed[k] - rate[0, k] - arm_velocity[k])
-        bump, bump_energy = stop_force(stroke - m.bump_travel[i], m.stop_stiffness[i], m.stop_softening[i])
-        rebound, rebound_energy = stop_force(-stroke - m.rebound_travel[i], m.stop_stiffness[i], m.stop_softening[i])
-        damper = m.damping[i] * stroke_rate
-        force = m.preload[i] + m.stiffness[i] * stroke + damper + bump - rebound
-        damper_power -= damper * stroke_rate
-        spring_energy += m.preload[i] * stroke + 0.5 * m.stiffness[i] * stroke**2 + bump_energy + rebound_energy
-        _cross(arm, lift, moment)
-        for k in range(3):
-            out.upright_force[i, k] -= force * lift[k]
-            out.hull_force[k] += force * lift[k]
-            out.hull_torque[k] += force * moment[k]
-        out.stroke[i] = stroke
-        out.suspension_force[i] = force
-
-        # soil
-        omega = _dot(wheel_spin, axle)
-        sinkage = _soil_on_wheel(m, heights, body, speed, axle, omega, upright_spin, wheel, soil_force, soil_moment)
-        torque = _dot(soil_moment, axle)
-        for k in range(3):
-            soil_power += soil_force[k] * speed[k] + soil_moment[k] * upright_spin[k]
-            soil_power += torque * axle[k] * (wheel_spin[k] - upright_spin[k])
-            out.upright_force[i, k] += soil_force[k]
-            out.upright_torque[i, k] += soil_moment[k] - torque * axle[k]
-            out.wheel_torque[i, k] = torque * axle[k]
-            out.soil_force[i, k] = soil_force[k]
-            out.soil_moment[i, k] = soil_moment[k]
-        out.sinkage[i] = sinkage
-        out.slip_ratio[i] = wheel[7]
-        out.slip_angle[i] = wheel[11]
-        deepest = max(deepest, sinkage / m.wheel_radius)
-
-    out.soil_power = soil_power
-    out.damper_power = damper_power
-    out.water_power = water_power
-    out.settling_power = settling_power
-    out.spring_energy = spring_energy
-    out.kinetic_energy = kinetic
-    out.gravity_energy = potential
-    out.deepest = deepest
-
-
-WORK = np.dtype(
-    [
-        ("time", "f8"),  # of `power` [s]
-        ("power", "f8", (6,)),  # into the vehicle: soil, damper, water, spin, steering, settling [W]
-        ("work", "f8", (6,)),  # its integral over time, trapezoidal [J]
-    ],
-    align=True,
-)
-"""Running energy account of a run."""
-
-HISTORY = np.dtype(
-    [
-        ("time", "f8"),
-        ("position", "f8", (5, 3)),
-        ("rotation", "f8", (5, 3, 3)),
-        ("velocity", "f8", (5, 3)),
-        ("angular_velocity", "f8", (5, 3)),
-        ("acceleration", "f8", (5, 3)),
-        ("angular_acceleration", "f8", (5, 3)),
-        ("wheel_speed", "f8", (4,)),
-    ],
-    align=True,
-)
-"""One sample of the five bodies' motion; the fields of `exumob.vehicle.motion.BodyStates`."""
+@njit(cache=True, error_model="numpy")
+def _water_on_wheel(p: Any, motion: Motion, i: int, out: Any) -> None:
+    """Water on wheel i and its upright, and the damping of their motion while the vehicle settles."""
+    rotation, turning, rate = motion.rotation[1 + i], motion.angular_velocity[1 + i], motion.rate[1 + i]
+    for k in range(3):
+        f = 0.0
+        t = 0.0
+        for j in range(3):
+            f += rotation[k, j] * out.water[1 + i, j]
+            t += rotation[k, j] * out.water[1 + i, 3 + j]
+        out.water_power += f * rate[k] + t * turning[k]
+        f_s = -p.settling_rate * (p.body_mass[1 + i] + p.body_mass[5 + i]) * rate[k]
+        out.settling_power += f_s * rate[k]
+        out.upright_force[i, k] = f + f_s
+        out.upright_torque[i, k] = t
 
 
 @njit(cache=True, error_model="numpy")
-def sample_motion(coordinates: Array, velocities: Array, accelerations: Array, reference: Array, sample: Any) -> None:
-    """Write the five bodies' motion into one `HISTORY` record."""
-    node = np.empty(7)
-    spin, wheel_spin = np.empty(3), np.empty(3)
-    for i in range(5):
-        for k in range(7):
-            node[k] = coordinates[7 * i + k] + reference[7 * i + k]
-        for k in range(3):
-            sample.position[i, k] = node[k]
-            sample.velocity[i, k] = velocities[7 * i + k]
-            sample.acceleration[i, k] = accelerations[7 * i + k]
-        _rotation(node, sample.rotation[i])
-        _spin(node, velocities[7 * i : 7 * i + 7], spin)
-        for k in range(3):
-            sample.angular_velocity[i, k] = spin[k]
-        _spin(node, accelerations[7 * i : 7 * i + 7], sample.angular_acceleration[i])  # G(e_t) e_t = 0
-        if i > 0:
-            for k in range(7):
-                node[k] = coordinates[7 * (i + 4) + k] + reference[7 * (i + 4) + k]
-            _spin(node, velocities[7 * (i + 4) : 7 * (i + 4) + 7], wheel_spin)
-            speed = 0.0
-            for k in range(3):
-                speed += (wheel_spin[k] - spin[k]) * sample.rotation[i, k, 1]
-            sample.wheel_speed[i - 1] = speed
+def _suspension(p: Any, motion: Motion, i: int, out: Any) -> None:
+    """Spring, damper and stops of wheel i, along the hull's z axis through the wheel centre."""
+    arm, arm_velocity, lift, moment = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for k in range(3):
+        arm[k] = motion.node[1 + i, k] - motion.node[0, k]
+        lift[k] = motion.rotation[0, k, 2]
+    cross(motion.angular_velocity[0], arm, arm_velocity)
+    stroke = dot(lift, arm) - p.ride_position[i, 2]
+    stroke_rate = 0.0
+    for k in range(3):
+        stroke_rate += lift[k] * (motion.rate[1 + i, k] - motion.rate[0, k] - arm_velocity[k])
+    bump, bump_energy = stop_force(stroke - p.bump_travel[i], p.stop_stiffness[i], p.stop_softening[i])
+    rebound, rebound_energy = stop_force(-stroke - p.rebound_travel[i], p.stop_stiffness[i], p.stop_softening[i])
+    damper = p.damping[i] * stroke_rate
+    force = p.preload[i] + p.stiffness[i] * stroke + damper + bump - rebound
+    out.damper_power -= damper * stroke_rate
+    out.spring_energy += p.preload[i] * stroke + 0.5 * p.stiffness[i] * stroke**2 + bump_energy + rebound_energy
+    cross(arm, lift, moment)
+    for k in range(3):
+        out.upright_force[i, k] -= force * lift[k]
+        out.hull_force[k] += force * lift[k]
+        out.hull_torque[k] += force * moment[k]
+    out.stroke[i] = stroke
+    out.suspension_force[i] = force
 
 
 @njit(cache=True, error_model="numpy")
-def add_work(
-    time: float, loads: np.ndarray, multipliers: Array, steering_rows: Array, spin_rows: Array, rates: Array,
-    ledger: np.ndarray,
-) -> float:  # fmt: skip
-    """Integrate the power of each kind of load over the step that ends at `time`.
-
-    Parameters
-    ----------
-    time : float
-    loads : array of dtype `LOADS`, shape (1,)
-    multipliers : array
-        Lagrange multipliers of the system.
-    steering_rows, spin_rows : array of int
-        Rows of the steering and spin constraints in `multipliers`.
-    rates : array, shape (3,)
-        Prescribed rates: of the left and the right front wheel's angle and of wheel spin [rad/s].
-    ledger : array of dtype `WORK`, shape (1,)
-
-    Returns
-    -------
-    float
-        Largest sinkage over wheel radius (NaN if the motion is not finite).
-    """
-    account = ledger[0]
-    out = loads[0]
-    spin = 0.0
-    for row in spin_rows:
-        spin -= multipliers[row] * rates[2]
-    steering = 0.0
-    for i in range(2):
-        steering -= multipliers[steering_rows[i]] * rates[i]
-    power = np.array((out.soil_power, out.damper_power, out.water_power, spin, steering, out.settling_power))
-    half_step = 0.5 * (time - account.time)
-    for i in range(6):
-        account.work[i] += half_step * (account.power[i] + power[i])
-        account.power[i] = power[i]
-    account.time = time
-    return out.deepest
+def _soil(p: Any, heights: Array, motion: Motion, i: int, contact: np.ndarray, out: Any) -> None:
+    """Soil on wheel i; the moment about the axle acts on the wheel, the rest on the upright."""
+    plane_rate, wheel_rate = motion.angular_velocity[1 + i], motion.angular_velocity[5 + i]
+    velocity = motion.rate[1 + i]
+    axle = np.empty(3)
+    for k in range(3):
+        axle[k] = motion.rotation[1 + i, k, 1]
+    spin = dot(wheel_rate, axle)
+    soil_on_wheel(p, heights, motion.node[1 + i], velocity, axle, spin, plane_rate, contact)
+    force, moment = contact[0].force, contact[0].moment
+    torque = dot(moment, axle)
+    for k in range(3):
+        out.soil_power += force[k] * velocity[k] + moment[k] * plane_rate[k]
+        out.soil_power += torque * axle[k] * (wheel_rate[k] - plane_rate[k])
+        out.upright_force[i, k] += force[k]
+        out.upright_torque[i, k] += moment[k] - torque * axle[k]
+        out.wheel_torque[i, k] = torque * axle[k]
+        out.soil_force[i, k] = force[k]
+        out.soil_moment[i, k] = moment[k]
+    out.sinkage[i] = contact[0].sinkage
+    out.slip_ratio[i] = contact[0].patch.slip_ratio
+    out.slip_angle[i] = contact[0].slip_angle
+    out.deepest = max(out.deepest, contact[0].sinkage / p.wheel_radius)

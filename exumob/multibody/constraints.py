@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from exumob.multibody.solver_settings import quiet_settings
 from exumob.support.arrays import Array
 from exumob.support.exudyn import exu
 
@@ -42,11 +43,8 @@ class Constraints:
         self._mbs = mbs
         self._q, self._v, self._multipliers, self._reference = coordinates, velocities, multipliers, reference
         self._spin_rows = spin_rows
-        settings = exu.SimulationSettings()
+        settings = quiet_settings()
         settings.linearSolver.solverType = exu.LinearSolverType.EXUdense
-        settings.timeIntegration.verboseMode = 0
-        settings.solution.file.write = settings.solution.file.writeInitialValues = False
-        settings.solution.sensors.active = False
         self._solver = exu.MainSolverImplicitSecondOrder()
         self._solver.InitializeSolver(mbs, settings)
         n = len(coordinates) + len(multipliers)

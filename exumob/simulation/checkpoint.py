@@ -22,10 +22,11 @@ from typing import Any
 import numpy as np
 
 from exumob.coupling.schemes import Coupling
-from exumob.multibody.system import HISTORY_STEP, MultibodyVehicle, SavedState
+from exumob.multibody.system import MultibodyVehicle, SavedState
 from exumob.simulation.description import RunDescription
 from exumob.support.files import PACKAGE
 from exumob.support.provenance import parameters_json, versions
+from exumob.vehicle.motion import HISTORY_STEP
 from exumob.water.hydrodynamics import Hydrodynamics
 
 logger = logging.getLogger(__name__)

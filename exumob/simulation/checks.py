@@ -7,9 +7,9 @@ from dataclasses import asdict, is_dataclass
 import numpy as np
 
 from exumob.driving.maneuver import FeedbackManeuver, Maneuver
-from exumob.multibody.system import HISTORY_STEP
 from exumob.simulation.description import Steps
 from exumob.support.checks import require_positive
+from exumob.vehicle.motion import HISTORY_STEP
 from exumob.vehicle.parameters import Vehicle
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.ground.terrain import Terrain
+from exumob.multibody.energy_account import WORK_KINDS
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.description import RunDescription
 from exumob.support.arrays import Array
@@ -18,8 +19,6 @@ from exumob.vehicle.parameters import Vehicle
 from exumob.water.flow_states import FLOW_STATES, flow_states
 
 logger = logging.getLogger(__name__)
-
-WORK_KINDS = ("soil", "damper", "water", "spin", "steering", "settling")
 
 VARIABLES = {
     # name: (dimensions, units, meaning)
@@ -124,7 +123,7 @@ def build_dataset(
         "water_wrench": loads["water"],
         **_force_balance(records, states, masses),
         "mass": masses,
-        "work": records["ledger"]["work"],
+        "work": records["energy_account"]["work"],
         "kinetic_energy": loads["kinetic_energy"],
         "stored_energy": loads["spring_energy"] + loads["gravity_energy"],
         "constraint_error": records["constraint_error"],

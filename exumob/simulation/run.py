@@ -13,7 +13,7 @@ from exumob.coupling.schemes import Coupling, Explicit, SemiImplicit, wrenches
 from exumob.driving.maneuver import Maneuver, lane_change
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
-from exumob.multibody.system import SETTLING_STEP, MultibodyVehicle
+from exumob.multibody.settling import SETTLING_STEP
 from exumob.simulation.checkpoint import Checkpoints, Fingerprint
 from exumob.simulation.checks import check_described, check_maneuver, check_steps
 from exumob.simulation.description import RunDescription, Steps

@@ -10,11 +10,16 @@ import xarray as xr
 class SimulationError(RuntimeError):
     """A run could not go on: the message says when, why and what to do."""
 
+    def __init__(self, message: str = "", *, cause: str = "") -> None:
+        """Say what happened; `cause` is for programs, see below."""
+        super().__init__(message)
+        self.cause = cause
+
     result: xr.Dataset | None = None
     """What was computed until then, if anything was."""
     state: dict[str, Any] | None = None
     """Of the flow solver before the step that failed, for `exumob.flow.FlowSolver.restore`."""
-    cause: str = ""
+    cause: str
     """``"sunk"``: a wheel to its centre; ``"afloat"``, ``"swept away"``: the vehicle cannot even stand; else empty."""
 
 

@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from exumob.support.arrays import Array
 from exumob.support.checks import require_within
 from exumob.surrogates.inputs import INPUTS, PAPER_INPUTS
-from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
+from exumob.vehicle.motion import BODIES, HISTORY_STEP, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
 
 Single = NDArray[np.float32]
 FORMAT, VERSION = "exumob networks", 1
-SAMPLING = 1.0e-3
+SAMPLING = HISTORY_STEP
 """Interval at which networks see the past [s]."""
 TRAINED_DENSITY = 1000.0
 """Of the water to which the loads in training are brought [kg/m^3]; they are proportional to it."""

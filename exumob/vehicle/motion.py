@@ -13,6 +13,9 @@ BODIES = ("hull", "front_left", "front_right", "rear_left", "rear_right")
 
 WHEELS = BODIES[1:]
 
+HISTORY_STEP = 1.0e-3
+"""Interval of the samples of the motion that every water model sees [s]; the paper's networks were trained at it."""
+
 WRENCH_COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 """Force [N] and moment about the body's origin [N m], body axes."""
 

@@ -208,7 +208,7 @@ def test_flight_loses_only_what_the_dampers_take(flight):
     _, records = flight
     loads = records["loads"]
     energy = loads["kinetic_energy"] + loads["spring_energy"] + loads["gravity_energy"]
-    damper = records["ledger"]["work"][:, 1]
+    damper = records["energy_account"]["work"][:, 1]
     assert damper[-1] < -1.0
     assert (energy - energy[2]) == pytest.approx(damper - damper[2], abs=0.05)
 
@@ -372,7 +372,7 @@ def test_order_of_convergence_in_the_micro_step(vehicle, sand, monkeypatch):
 
     Newton's tolerances are tightened so that they do not hide it: as shipped they leave 1e-6 m, see the next test.
     """
-    settings = exumob.multibody.system._solver_settings
+    settings = exumob.multibody.system.integration_settings
 
     def tight(*arguments, **options):
         chosen = settings(*arguments, **options)
@@ -380,7 +380,7 @@ def test_order_of_convergence_in_the_micro_step(vehicle, sand, monkeypatch):
         newton.relativeTolerance, newton.absoluteTolerance = 1e-9, 1e-10
         return chosen
 
-    monkeypatch.setattr(exumob.multibody.system, "_solver_settings", tight)
+    monkeypatch.setattr(exumob.multibody.system, "integration_settings", tight)
     brisk = LaneChange(start=0.1, end=0.4, ramp_time=0.15)
     ends = []
     for step in (1e-3, 5e-4, 2.5e-4, 1.25e-4):

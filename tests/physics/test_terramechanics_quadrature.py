@@ -14,9 +14,9 @@ import pytest
 from scipy.integrate import quad_vec
 from scipy.optimize import brentq
 
-from exumob.ground import terramechanics
+from exumob.ground import contact_patch
+from exumob.ground.contact_patch import PATCH_FORCES, WheelMotion, WheelSize, wheel_soil_kernel
 from exumob.ground.soil import Soil
-from exumob.ground.terramechanics import wheel_soil_kernel
 
 RATE = 0.01
 REGIMES = ("driving", "braking", "any slip", "counter-rotating", "locked", "nearly locked", "nearly at rest", "at rest")
@@ -99,11 +99,14 @@ def reference(soil, r, b, z, v, spin):
 
 
 def error(soil, r, b, z, v, spin):
-    out = np.empty(12)
-    wheel_soil_kernel(soil.as_array(), r, b, z, *v, *spin, RATE, out)
+    result = np.zeros(1, PATCH_FORCES)
+    omega, omega_x, omega_z = spin
+    motion = WheelMotion(*map(float, (*v, omega, omega_x, omega_z)))
+    wheel_soil_kernel(soil.as_record()[0], WheelSize(r, b), z, motion, RATE, result[0])
+    computed = np.concatenate([result["force"][0], result["moment"][0]])
     exact = reference(soil, r, b, z, v, spin)
     scale = np.linalg.norm(exact[:3]) * np.array([1.0, 1.0, 1.0, r, r, r])
-    return (np.abs(out[:6] - exact) / scale).max()
+    return (np.abs(computed - exact) / scale).max()
 
 
 def random_state(rng, regime):
@@ -156,7 +159,7 @@ def test_error_falls_with_the_number_of_nodes(clustering):
     """At the most singular exponent of the table (n = 0.11), where the end of the patch limits the order."""
     worst = []
     for count in (6, 10, 14, 18):
-        positions, weights = terramechanics._clustered_nodes(count, terramechanics.CLUSTERING)
+        positions, weights = contact_patch._clustered_nodes(count, contact_patch.CLUSTERING)
         position, weight = (a[int(clustering == "both ends")] for a in (positions, weights))
         exact = 1.0 / (0.11 + 1.0)
         worst.append(abs(float(weight @ position**0.11) - exact) / exact)

@@ -33,20 +33,22 @@ def test_slope_rises_in_its_direction():
 
 
 def test_field_passes_through_its_points(hills):
-    parameters, heights = hills.as_arrays()
+    terrain, heights = hills.as_arrays()
     for j, i in ((0, 0), (3, 4), (6, 8), (5, 0)):
         x, y = -1.0 + 0.5 * i, 2.0 + 0.4 * j
-        assert terrain_height(parameters, heights, x, y)[0] == pytest.approx(0.1 + 0.05 * x - 0.02 * y + heights[j, i])
+        assert terrain_height(terrain[0], heights, x, y)[0] == pytest.approx(0.1 + 0.05 * x - 0.02 * y + heights[j, i])
 
 
 def test_field_reproduces_a_linear_ramp_exactly_inside():
     ramp = Terrain(heights=0.3 * np.arange(6)[None, :] + 0.1 * np.arange(5)[:, None])
-    z, dz_dx, dz_dy = terrain_height(*ramp.as_arrays(), 2.37, 1.81)
+    terrain, heights = ramp.as_arrays()
+    z, dz_dx, dz_dy = terrain_height(terrain[0], heights, 2.37, 1.81)
     assert (z, dz_dx, dz_dy) == pytest.approx((0.3 * 2.37 + 0.1 * 1.81, 0.3, 0.1))
 
 
 def test_slopes_are_the_derivatives(hills):
-    arrays, h = hills.as_arrays(), 1e-6
+    terrain, heights = hills.as_arrays()
+    arrays, h = (terrain[0], heights), 1e-6
     for x, y in np.random.default_rng(1).uniform((-0.9, 2.1), (2.9, 4.3), (50, 2)):
         _, dz_dx, dz_dy = terrain_height(*arrays, x, y)
         forward = (terrain_height(*arrays, x + h, y)[0] - terrain_height(*arrays, x - h, y)[0]) / (2.0 * h)
@@ -55,18 +57,19 @@ def test_slopes_are_the_derivatives(hills):
 
 
 def test_slope_is_continuous_across_cells(hills):
-    arrays, h = hills.as_arrays(), 1e-9
+    terrain, heights = hills.as_arrays()
+    arrays, h = (terrain[0], heights), 1e-9
     for x in (0.0, 0.5, 2.0):
         assert terrain_height(*arrays, x - h, 2.9)[1] == pytest.approx(terrain_height(*arrays, x + h, 2.9)[1], abs=1e-7)
 
 
 def test_continues_outside_with_the_edge_values(hills):
-    parameters, heights = hills.as_arrays()
-    z, dz_dx, dz_dy = terrain_height(parameters, heights, 50.0, 90.0)
+    terrain, heights = hills.as_arrays()
+    z, dz_dx, dz_dy = terrain_height(terrain[0], heights, 50.0, 90.0)
     assert z == pytest.approx(0.1 + 0.05 * 50.0 - 0.02 * 90.0 + heights[-1, -1])
     assert (dz_dx, dz_dy) == (0.05, -0.02)
     edge = 3.0
-    inside, outside = (terrain_height(parameters, heights, edge + s, 3.1)[0] for s in (-1e-9, 1e-9))
+    inside, outside = (terrain_height(terrain[0], heights, edge + s, 3.1)[0] for s in (-1e-9, 1e-9))
     assert inside == pytest.approx(outside, abs=1e-8)
 
 
