@@ -14,6 +14,7 @@ from exumob.driving.maneuver import Maneuver, lane_change
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.multibody.settling import SETTLING_STEP
+from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.checkpoint import Checkpoints, Fingerprint
 from exumob.simulation.checks import check_described, check_maneuver, check_steps
 from exumob.simulation.description import RunDescription, Steps
