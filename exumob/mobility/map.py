@@ -11,7 +11,7 @@ import functools
 import itertools
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -99,6 +99,8 @@ class MobilityMap:
             for name in (self.x.name, self.y.name):
                 if name in case:
                     raise ValueError(f"MobilityMap.panels: {panel!r} sets {name}, which is an axis; leave it out.")
+        one_model = self.crossing.experiment.with_one_model(list(self.panels.values()))
+        object.__setattr__(self, "crossing", replace(self.crossing, experiment=one_model))
         draws = self.factors()
         for case in self.panels.values():
             for x, y in itertools.product((self.x.low, self.x.high), (self.y.low, self.y.high)):

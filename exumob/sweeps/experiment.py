@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from operator import attrgetter
 from typing import Any, TypeVar, cast
@@ -17,6 +17,7 @@ from exumob.simulation.run import simulate
 from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, setting_named
 from exumob.simulation.water_models import DEFAULT_MODEL, MODELS, hydrodynamics_named
 from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import GEOMETRY
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import Coefficients
 from exumob.water.conditions import Water
@@ -37,9 +38,10 @@ class Experiment:
 
     The names are those of `Vehicle` and its parts (``hull.mass``, ``wheelbase``), ``soil`` (a published name) and
     ``soil.<field>``, ``water.<field>`` and ``water.depth_ratio`` (over the tyre's diameter; 0: no water), ``maneuver``
-    (one of `MANEUVERS`) and ``maneuver.<field>``, ``hydrodynamics`` (one of `MODELS`), ``hydrodynamics.member`` (one
+    (one of `MANEUVERS`) and ``maneuver.<field>``, ``hydrodynamics`` (one of `MODELS`; sweeps, maps and
+    tuning choose one for all cases where it is ``"auto"``), ``hydrodynamics.member`` (one
     network of the ensemble, by number), ``hydrodynamics.<field>`` of the coefficients, and ``duration``,
-    ``micro_step``, ``macro_step``, ``record_step``.
+    ``setting``, ``micro_step``, ``macro_step``, ``record_step``.
     """
 
     vehicle: Vehicle
@@ -177,6 +179,23 @@ class Experiment:
         if self.hydrodynamics not in ("auto", "networks"):
             return ""
         return " ".join(network.digest() for network in SurrogateHydrodynamics().networks)
+
+    def with_one_model(self, cases: Sequence[Mapping[str, Any]] = ()) -> Experiment:
+        """Choose the model of the water's loads for all cases, so that none differs from another by its model.
+
+        ``"auto"`` becomes ``"networks"`` if those that come with exumob fit the vehicle of every case, and
+        ``"coefficients"`` otherwise, with a warning.
+        """
+        if self.hydrodynamics != "auto":
+            return self
+        for name in GEOMETRY:
+            for value in {repr(case[name]): case[name] for case in cases if name in case}.values():
+                changed = self._with(name, value)
+                model = hydrodynamics_named("auto", changed.vehicle, changed._wet())
+                if not isinstance(model, SurrogateHydrodynamics):
+                    return replace(self, hydrodynamics="coefficients")
+        fits = isinstance(hydrodynamics_named("auto", self.vehicle, self._wet()), SurrogateHydrodynamics)
+        return replace(self, hydrodynamics="networks" if fits else "coefficients")
 
     def check(self) -> None:
         """Raise ValueError if the networks were trained for another vehicle."""

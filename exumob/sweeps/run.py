@@ -85,6 +85,8 @@ def sweep(
     RuntimeError
         If another sweep is at work in the folder.
     """
+    if isinstance(function, Experiment):
+        function = function.with_one_model(cases)
     store = CaseStore(Path(folder), function, cases, time_limit, keep_runs)
     if isinstance(function, Experiment):
         _check_cases(function, cases)

@@ -113,6 +113,8 @@ def tune(
         If every run breaks down.
     """
     _check(experiment, ranges, cases, method)
+    ends = [{name: limits[end] for name, limits in ranges.items()} for end in (0, 1)]
+    experiment = experiment.with_one_model([*cases, *ends])
     place = Path(folder)
     (place / "evaluations").mkdir(parents=True, exist_ok=True)
     _check_folder(place / "tuning.json", experiment, objective, cases)

@@ -1,5 +1,6 @@
 """The command line before anything runs: help, tables, bad input."""
 
+import importlib.metadata
 import re
 
 import pytest
@@ -11,8 +12,9 @@ from exumob.ground.soil import Soil
 SHORT = ["--duration", "0.2", "--micro-step", "5e-4", "--macro-step", "20e-3"]
 OPTIONS = {
     "--depth-ratio": "0.6", "--current": "1.0", "--steering": "30", "--soil": "LETE sand",
-    "--hydrodynamics": "networks where they fit the vehicle, else coefficients",
-    "--vehicle": None, "--duration": "8", "--micro-step": "0.0001", "--macro-step": "0.001", "--output": None,
+    "--hydrodynamics": "auto",
+    "--vehicle": None, "--duration": "8", "--micro-step": None, "--macro-step": None, "--setting": "fast",
+    "--output": None,
     "--networks": None, "--members": None, "--figure": None, "--animate": None, "--cell-size": "0.0115",
     "--coarse": None, "--coupling": "semi-implicit",
     "--threads": "1", "--checkpoint": None, "--resume": None,
@@ -47,11 +49,26 @@ def test_help_names_both_commands():
 def test_help_explains_every_option_with_its_default(option):
     answer = call("lane-change", "--help")
     assert answer.exit_code == 0
-    text = " " + plain(answer.output.split("Options:")[1])
+    text = " " + plain(answer.output.split("Run:")[1])
     after = text[text.index(f" {option} ") :].split(" --")[1]
     assert len(after.split()) > 4, f"{option} is not explained"
     if OPTIONS[option]:
         assert re.search(rf"default: {OPTIONS[option]}", after), after
+
+
+def test_help_shows_what_a_beginner_needs_first():
+    """Spec: panels run, water, output, expert; six options first."""
+    text = call("lane-change", "--help").output
+    panels = re.split(r"^(Run|Water|Output|Expert):$", text, flags=re.M)
+    assert panels[1::2] == ["Run", "Water", "Output", "Expert"]
+    first = [option for option in re.findall(r"^ +(--[a-z-]+)", panels[2], flags=re.M) if option != "--help"]
+    assert first == ["--depth-ratio", "--current", "--soil", "--vehicle", "--output", "--figure"]
+
+
+def test_version_is_that_of_the_package():
+    answer = call("--version")
+    assert answer.exit_code == 0
+    assert answer.output.split() == ["exumob", importlib.metadata.version("exumob")]
 
 
 def test_soils_lists_all_23():

@@ -1,6 +1,7 @@
 """What is varied and how: names, grids, distributions, correlations, study files."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,7 +68,18 @@ def test_bad_names_and_values_are_named():
     with pytest.raises(ValueError, match="hydrodynamics = 'magic' is not known"):
         base.with_values({"hydrodynamics": "magic"})
     with pytest.raises(ValueError, match="they were trained with"):
-        base.with_values({"hull.length": 1.2}).check()
+        base.with_values({"hydrodynamics": "networks", "hull.length": 1.2}).check()
+
+
+def test_one_model_serves_all_cases(caplog):
+    """A sweep over the hull's length must not compare networks with coefficients."""
+    base = amphibious_lane_change()
+    assert base.hydrodynamics == "auto"
+    assert base.with_one_model([{"soil.n": 0.9}, {"hull.length": 1.0}]).hydrodynamics == "networks"
+    assert base.with_one_model([{"hull.length": 1.0}, {"hull.length": 1.2}]).hydrodynamics == "coefficients"
+    assert "hull.length = 1.2" in caplog.text
+    chosen = replace(base, hydrodynamics="coefficients")
+    assert chosen.with_one_model([{"soil.n": 0.9}]) is chosen
 
 
 # -- samples -----------------------------------------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """simulate(): bad input before anything runs, what a water model is told, and runs that break or are stopped."""
 
+import json
 import math
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ import exumob.simulation.run
 from exumob.driving.maneuver import ConstantSteer, LaneChange, Recorded, lane_change, ramp
 from exumob.ground.soil import Soil
 from exumob.simulation.run import simulate
+from exumob.simulation.settings import SETTINGS
 from exumob.support.errors import SimulationError, SimulationInterrupted
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
@@ -40,6 +42,8 @@ def nothing_runs(monkeypatch):
 @pytest.mark.parametrize("field", ["duration", "micro_step", "macro_step", "record_step"])
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, "1", None])
 def test_bad_step_or_duration_is_named(vehicle, sand, field, value):
+    if value is None and field in ("micro_step", "macro_step"):
+        pytest.skip("None: by the setting")
     with pytest.raises(ValueError, match=rf"{field} = .*{value}.*(must be > 0|not a finite number).*give"):
         simulate(vehicle, sand, **(STEPS | {field: value}))
 
@@ -173,8 +177,35 @@ def test_load_reaches_the_ledger(vehicle, sand):
 def test_default_water_model_follows_the_water(vehicle, sand):
     assert simulate(vehicle, sand, **STEPS).attrs["hydrodynamics"] == "NoWater"
     wet = simulate(vehicle, sand, Water.at_ratio(0.6), **STEPS)
+    assert wet.attrs["hydrodynamics"] == "SurrogateHydrodynamics"  # the networks fit this vehicle
+    assert 190.0 < float(wet["water_load"].sel(axis="z").sum("body").mean()) < 225.0  # of 559 N of weight
+
+
+def test_another_vehicle_gets_coefficients_and_a_warning(vehicle, sand, caplog):
+    wider = replace(vehicle, track=0.70, name="wider")
+    wet = simulate(wider, sand, Water.at_ratio(0.6), **STEPS)
     assert wet.attrs["hydrodynamics"] == "CoefficientHydrodynamics"
-    assert float(wet["water_load"].sel(axis="z").sum("body").mean()) > 100.0
+    assert "wider: the loads of the water come from published coefficients" in caplog.text
+    assert "track = 0.7" in caplog.text
+    with pytest.raises(ValueError, match=r"wider has track = 0\.7, they were trained with 0\.66"):
+        simulate(wider, sand, Water.at_ratio(0.6), hydrodynamics="networks", **STEPS)
+
+
+def test_settings_choose_the_steps(vehicle, sand):
+    for name, setting in SETTINGS.items():
+        run = simulate(vehicle, sand, duration=0.02, setting=name)
+        steps = json.loads(run.attrs["parameters"])["steps"]
+        assert (steps["micro_step"], steps["macro_step"]) == (setting.micro_step, setting.macro_step)
+    one = simulate(vehicle, sand, duration=0.02, micro_step=2e-4)
+    steps = json.loads(one.attrs["parameters"])["steps"]
+    assert (steps["micro_step"], steps["macro_step"]) == (2e-4, SETTINGS["fast"].macro_step)
+
+
+@pytest.mark.usefixtures("nothing_runs")
+@pytest.mark.parametrize(("name", "value"), [("setting", "quick"), ("hydrodynamics", "lstm")])
+def test_unknown_setting_and_water_model_are_named(vehicle, sand, name, value):
+    with pytest.raises(ValueError, match=rf"{name} = '{value}' is not known; use '"):
+        simulate(vehicle, sand, Water.at_ratio(0.6), **{name: value})
 
 
 def test_water_model_without_water_is_dry_ground(vehicle, sand):
