@@ -11,7 +11,8 @@ from exumob.ground.terramechanics import wheel_soil_forces
 from exumob.simulation.results import load_dataset, save_dataset, summary
 from exumob.simulation.run import simulate
 from exumob.support.errors import SimulationError, SimulationInterrupted
-from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones, load_vehicle
+from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones
+from exumob.vehicle.vehicle_file import load_vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics, NoWater

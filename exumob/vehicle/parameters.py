@@ -6,8 +6,6 @@ touching hard ground at the static ride height. SI units and radians. Vehicle fi
 
 from __future__ import annotations
 
-import importlib.util
-import inspect
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,6 +78,20 @@ class Hull:
         if self.inertia is not None:
             return np.diag(np.array(self.inertia, dtype=float))
         return box_inertia(self.mass, self.length, self.width, self.height)
+
+    def side_profile(self) -> Array:
+        """Outline of the raked box seen from starboard, in the design frame: corners (x, z) [m], shape (n, 2).
+
+        Counter-clockwise with x to the right and z up, from the stern's keel; three to five corners, no two in a row
+        equal.
+        """
+        stern, bow = self.center_x - 0.5 * self.length, self.center_x + 0.5 * self.length
+        keel, deck = self.ground_clearance, self.ground_clearance + self.height
+        corners = np.array(
+            [[stern, keel], [bow - self.bow_length, keel], [bow, keel + self.bow_height], [bow, deck], [stern, deck]]
+        )
+        apart = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1) > 0.0
+        return np.asarray(corners[apart])
 
 
 @dataclass(frozen=True)
@@ -297,42 +309,3 @@ def box_inertia(mass: float, length: float, width: float, height: float) -> Arra
     """Inertia tensor of a uniform box about its centre [kg m^2], shape (3, 3)."""
     x2, y2, z2 = length**2, width**2, height**2
     return mass / 12.0 * np.diag([y2 + z2, x2 + z2, x2 + y2])
-
-
-def load_vehicle(file: str | Path) -> Vehicle:
-    """Load a vehicle file: a Python file with one function that takes no argument and returns a `Vehicle`.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If the file does not hold exactly one such function.
-    """
-    path = Path(file)
-    if not path.is_file():
-        raise FileNotFoundError(f"vehicle file {path} does not exist; vehicle_models/ holds examples.")
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    if spec is None or spec.loader is None:
-        raise ValueError(f"vehicle file {path} is not a Python file; its name must end in .py.")
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except (SyntaxError, ImportError, NameError, TypeError) as error:
-        raise ValueError(f"vehicle file {path} cannot be run: {type(error).__name__}: {error}; mend it.") from error
-    makers = [
-        value
-        for name, value in vars(module).items()
-        if callable(value) and getattr(value, "__module__", None) == path.stem and not name.startswith("_")
-    ]
-    if len(makers) != 1:
-        raise ValueError(f"vehicle file {path} defines {len(makers)} public functions; it must define exactly one.")
-    if any(p.default is p.empty for p in inspect.signature(makers[0]).parameters.values()):
-        raise ValueError(f"{path}: {makers[0].__name__} takes arguments; it must need none.")
-    try:
-        vehicle = makers[0]()
-    except TypeError as error:  # a misspelt or missing field
-        raise ValueError(f"vehicle file {path}: {error}; exumob/vehicle/parameters.py lists the fields.") from error
-    if not isinstance(vehicle, Vehicle):
-        raise ValueError(f"{path}: {makers[0].__name__}() returned {type(vehicle).__name__}; it must return a Vehicle.")
-    return vehicle
