@@ -73,8 +73,8 @@ LOADS = np.dtype(
 """Loads on nine bodies at one instant, and what they are made of."""
 
 
-class Motion(NamedTuple):
-    """Motion of the nine bodies in compiled code: hull 0, upright of wheel i at 1 + i, wheel i at 5 + i."""
+class BodyMotion(NamedTuple):
+    """BodyMotion of the nine bodies in compiled code: hull 0, upright of wheel i at 1 + i, wheel i at 5 + i."""
 
     node: Array
     """Coordinates of each body, shape (9, 7)"""
@@ -159,7 +159,7 @@ def vehicle_loads(
 
 
 @njit(cache=True, error_model="numpy")
-def _motion(coordinates: Array, velocities: Array, reference: Array) -> Motion:
+def _motion(coordinates: Array, velocities: Array, reference: Array) -> BodyMotion:
     node, rotation, turning = np.empty((9, 7)), np.empty((9, 3, 3)), np.empty((9, 3))
     rate = velocities.reshape(9, 7)
     for i in range(9):
@@ -167,11 +167,11 @@ def _motion(coordinates: Array, velocities: Array, reference: Array) -> Motion:
             node[i, k] = coordinates[7 * i + k] + reference[7 * i + k]
         rotation_matrix(node[i], rotation[i])
         angular_velocity(node[i], rate[i], turning[i])
-    return Motion(node, rate, rotation, turning)
+    return BodyMotion(node, rate, rotation, turning)
 
 
 @njit(cache=True, error_model="numpy")
-def _start_sums(p: Any, motion: Motion, out: Any) -> None:
+def _start_sums(p: Any, motion: BodyMotion, out: Any) -> None:
     """Set the sums over the wheels to zero, and compute the kinetic and the potential energy."""
     out.soil_power = 0.0
     out.damper_power = 0.0
@@ -192,7 +192,7 @@ def _start_sums(p: Any, motion: Motion, out: Any) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _water_on_hull(p: Any, motion: Motion, out: Any) -> None:
+def _water_on_hull(p: Any, motion: BodyMotion, out: Any) -> None:
     """Water on the hull, and the damping of its motion while the vehicle settles."""
     rotation, turning, rate = motion.rotation[0], motion.angular_velocity[0], motion.rate[0]
     for k in range(3):
@@ -210,7 +210,7 @@ def _water_on_hull(p: Any, motion: Motion, out: Any) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _water_on_wheel(p: Any, motion: Motion, i: int, out: Any) -> None:
+def _water_on_wheel(p: Any, motion: BodyMotion, i: int, out: Any) -> None:
     """Water on wheel i and its upright, and the damping of their motion while the vehicle settles."""
     rotation, turning, rate = motion.rotation[1 + i], motion.angular_velocity[1 + i], motion.rate[1 + i]
     for k in range(3):
@@ -227,7 +227,7 @@ def _water_on_wheel(p: Any, motion: Motion, i: int, out: Any) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _suspension(p: Any, motion: Motion, i: int, out: Any) -> None:
+def _suspension(p: Any, motion: BodyMotion, i: int, out: Any) -> None:
     """Spring, damper and stops of wheel i, along the hull's z axis through the wheel centre."""
     arm, arm_velocity, lift, moment = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for k in range(3):
@@ -254,7 +254,7 @@ def _suspension(p: Any, motion: Motion, i: int, out: Any) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _soil(p: Any, heights: Array, motion: Motion, i: int, contact: np.ndarray, out: Any) -> None:
+def _soil(p: Any, heights: Array, motion: BodyMotion, i: int, contact: np.ndarray, out: Any) -> None:
     """Soil on wheel i; the moment about the axle acts on the wheel, the rest on the upright."""
     plane_rate, wheel_rate = motion.angular_velocity[1 + i], motion.angular_velocity[5 + i]
     velocity = motion.rate[1 + i]
