@@ -114,7 +114,7 @@ class WheelMotion(NamedTuple):
 
 
 Coefficients = tuple[float, float, float, float]
-"""Of 1, theta, sin(theta) and cos(theta)."""
+"""Factors of 1, theta, sin(theta) and cos(theta)."""
 
 
 class Patch(NamedTuple):
@@ -195,7 +195,7 @@ def _sign_change(g_0: float, g_1: float, g_2: float, low: float, high: float) ->
 
 @njit(cache=True, error_model="numpy")
 def _shear_reversals(displacement: Coefficients, theta_r: float, theta_f: float, kinks: Array) -> int:
-    """Fill `kinks` with the angles in the patch at which a shear displacement changes its sign; returns their number."""
+    """Fill `kinks` with the angles at which a shear displacement changes its sign; returns their number."""
     x_0, x_1, x_2, x_3 = displacement
     # x_2 sin(theta) + x_3 cos(theta) = g_2 sin(theta + phase)
     g_2 = math.copysign(math.sqrt(x_2 * x_2 + x_3 * x_3), x_2)
@@ -214,7 +214,7 @@ def _shear_reversals(displacement: Coefficients, theta_r: float, theta_f: float,
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"}, inline="always")
 def _sine(x: float) -> float:
-    """Taylor series, error below 1e-11 for |x| <= pi/2; without a call, so that the loop over the patch vectorises."""
+    """Taylor series of the sine, error below 1e-11 for |x| <= pi/2; without a call, so that the loop over the patch vectorises."""
     y = x * x
     s = 1.0 - y / 210.0 * (1.0 - y / 272.0)
     s = 1.0 - y / 42.0 * (1.0 - y / 72.0 * (1.0 - y / 110.0 * (1.0 - y / 156.0 * s)))
@@ -223,7 +223,7 @@ def _sine(x: float) -> float:
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"}, inline="always")
 def _cosine(x: float) -> float:
-    """As `_sine`."""
+    """Taylor series of the cosine, error and range as for `_sine`."""
     y = x * x
     s = 1.0 - y / 182.0 * (1.0 - y / 240.0 * (1.0 - y / 306.0))
     s = 1.0 - y / 30.0 * (1.0 - y / 56.0 * (1.0 - y / 90.0 * (1.0 - y / 132.0 * s)))

@@ -31,7 +31,7 @@ class Hull:
     mass: float
     """[kg]"""
     length: float
-    """Over all [m]"""
+    """Length over all [m]"""
     width: float
     """[m]"""
     height: float
@@ -39,9 +39,9 @@ class Hull:
     ground_clearance: float
     """Keel above hard ground [m]"""
     center_of_mass_height: float
-    """Above hard ground [m]"""
+    """Centre of mass above hard ground [m]"""
     center_of_mass_x: float = 0.0
-    """Ahead of mid wheelbase [m]"""
+    """Centre of mass ahead of mid wheelbase [m]"""
     center_x: float = 0.0
     """Middle of the hull's length ahead of mid wheelbase [m]"""
     bow_length: float = 0.0
@@ -74,13 +74,13 @@ class Hull:
 
     @property
     def inertia_tensor(self) -> Array:
-        """About the centre of mass, hull axes [kg m^2], shape (3, 3)."""
+        """Inertia tensor about the centre of mass, hull axes [kg m^2], shape (3, 3)."""
         if self.inertia is not None:
             return np.diag(np.array(self.inertia, dtype=float))
         return box_inertia(self.mass, self.length, self.width, self.height)
 
     def side_profile(self) -> Array:
-        """Outline of the raked box seen from starboard, in the design frame: corners (x, z) [m], shape (n, 2).
+        """Return the outline of the raked box from starboard: corners (x, z) in the design frame [m], shape (n, 2).
 
         Counter-clockwise with x to the right and z up, from the stern's keel; three to five corners, no two in a row
         equal.
@@ -119,12 +119,12 @@ class Wheel:
 
     @property
     def radius(self) -> float:
-        """[m]"""
+        """Half the diameter [m]."""
         return 0.5 * self.diameter
 
     @property
     def inertia_tensor(self) -> Array:
-        """About the centre, wheel axes (y is the spin axis) [kg m^2], shape (3, 3)."""
+        """Inertia tensor about the centre, wheel axes (y is the spin axis) [kg m^2], shape (3, 3)."""
         if self.inertia is not None:
             spin, transverse = self.inertia
         else:
@@ -172,19 +172,19 @@ class Suspension:
     """
 
     stiffness: float
-    """[N/m]"""
+    """Rate of the spring [N/m]"""
     damping: float
-    """[N s/m]"""
+    """Rate of the damper [N s/m]"""
     upright_mass: float
     """[kg]"""
     upright_size: float
     """Edge of the cube whose inertia the upright has [m]"""
     bump_travel: float
-    """From ride height to the bump stop [m]"""
+    """Travel from ride height to the bump stop [m]"""
     rebound_travel: float
-    """From ride height to the rebound stop [m]"""
+    """Travel from ride height to the rebound stop [m]"""
     stop_stiffness: float
-    """Of either stop [N/m]"""
+    """Stiffness of either stop [N/m]"""
     stop_softening: float = 2.0e-3
     """Compression over which a stop's stiffness builds up [m]"""
     wishbones: Wishbones | None = None
@@ -199,7 +199,7 @@ class Suspension:
 
     @property
     def upright_inertia_tensor(self) -> Array:
-        """About the wheel centre, upright axes [kg m^2], shape (3, 3)."""
+        """Inertia tensor of the upright about the wheel centre, upright axes [kg m^2], shape (3, 3)."""
         return box_inertia(self.upright_mass, self.upright_size, self.upright_size, self.upright_size)
 
 
@@ -226,11 +226,11 @@ class Vehicle:
     hull: Hull
     wheel: Wheel
     suspension: Suspension
-    """Of the front wheels, and of the rear ones unless `rear_suspension` is given"""
+    """Suspension of the front wheels, and of the rear ones unless `rear_suspension` is given"""
     wheelbase: float
-    """[m]"""
+    """Distance between the axles [m]"""
     track: float
-    """Centre to centre of the tyres [m]"""
+    """Distance between the middles of the left and the right tyre [m]"""
     steering: Steering = Steering()
     rear_suspension: Suspension | None = None
 
@@ -251,12 +251,12 @@ class Vehicle:
 
     @property
     def mass(self) -> float:
-        """Total [kg]."""
+        """Total mass [kg]."""
         return self.hull.mass + 4.0 * self.wheel.mass + sum(2.0 * s.upright_mass for s in self.axle_suspensions)
 
     @property
     def axle_suspensions(self) -> tuple[Suspension, Suspension]:
-        """Suspensions of the front and of the rear wheels."""
+        """Suspensions of the front and of the rear axle."""
         return self.suspension, self.rear_suspension or self.suspension
 
     @property
@@ -276,7 +276,7 @@ class Vehicle:
         return np.array([[x, y, z], [x, -y, z], [-x, y, z], [-x, -y, z]])
 
     def steering_angles(self, command: Motion) -> tuple[Motion, Motion]:
-        """Angles of the front-left and front-right wheel for a command and its time derivatives.
+        """Return the angles of the front-left and front-right wheel for a command, with their time derivatives.
 
         Parameters
         ----------
@@ -306,6 +306,6 @@ def _ackermann(command: Motion, ratio: float) -> Motion:
 
 
 def box_inertia(mass: float, length: float, width: float, height: float) -> Array:
-    """Inertia tensor of a uniform box about its centre [kg m^2], shape (3, 3)."""
+    """Return the inertia tensor of a uniform box about its centre [kg m^2], shape (3, 3)."""
     x2, y2, z2 = length**2, width**2, height**2
     return mass / 12.0 * np.diag([y2 + z2, x2 + z2, x2 + y2])
