@@ -46,7 +46,7 @@ LOAD_PARAMETERS = np.dtype(
 
 LOADS = np.dtype(
     [
-        ("water", "f8", (5, 6)),  # input: wrench on the five bodies, body axes [N, N m], held over a macro step
+        ("water_wrench", "f8", (5, 6)),  # input: on the five bodies, body axes [N, N m], held over a macro step
         ("hull_force", "f8", (3,)),  # all in world axes [N], [N m]
         ("hull_torque", "f8", (3,)),
         ("upright_force", "f8", (4, 3)),
@@ -144,7 +144,7 @@ def vehicle_loads(
     coordinates, velocities, reference : array, shape (63,)
         Node displacements and Euler-parameter increments, their rates, and the reference values.
     loads : array of dtype `LOADS`, shape (1,)
-        ``loads["water"]`` is read; everything else is written.
+        ``loads["water_wrench"]`` is read; everything else is written.
     """
     p = parameters[0]
     out = loads[0]
@@ -199,8 +199,8 @@ def _water_on_hull(p: Any, motion: BodyMotion, out: Any) -> None:
         f = 0.0
         t = 0.0
         for j in range(3):
-            f += rotation[k, j] * out.water[0, j]
-            t += rotation[k, j] * out.water[0, 3 + j]
+            f += rotation[k, j] * out.water_wrench[0, j]
+            t += rotation[k, j] * out.water_wrench[0, 3 + j]
         out.water_power += f * rate[k] + t * turning[k]
         f_s = -p.settling_rate * p.body_mass[0] * rate[k]
         t_s = -p.settling_rate * p.body_inertia[0, k] * turning[k]
@@ -217,8 +217,8 @@ def _water_on_wheel(p: Any, motion: BodyMotion, i: int, out: Any) -> None:
         f = 0.0
         t = 0.0
         for j in range(3):
-            f += rotation[k, j] * out.water[1 + i, j]
-            t += rotation[k, j] * out.water[1 + i, 3 + j]
+            f += rotation[k, j] * out.water_wrench[1 + i, j]
+            t += rotation[k, j] * out.water_wrench[1 + i, 3 + j]
         out.water_power += f * rate[k] + t * turning[k]
         f_s = -p.settling_rate * (p.body_mass[1 + i] + p.body_mass[5 + i]) * rate[k]
         out.settling_power += f_s * rate[k]

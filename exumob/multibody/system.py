@@ -96,7 +96,7 @@ class MultibodyVehicle:
         self._heights = terrain.as_arrays()[1]
         self._command = DrivingCommand()
         self._driving = False  # until the vehicle has settled: wheels locked, steering as at time 0
-        self._changing_water: tuple[Array, Array, float] | None = None  # mean, rate and middle of a macro step
+        self._changing_wrench: tuple[Array, Array, float] | None = None  # mean, rate and middle of a macro step
 
         self._container = exu.SystemContainer()
         self.mbs = self._container.AddSystem()
@@ -117,12 +117,12 @@ class MultibodyVehicle:
 
     # -- running -----------------------------------------------------------------------------------------------------
 
-    def settle(self, water_load: Callable[[BodyStates], Array], limit: float = 20.0) -> None:
+    def settle(self, water_wrenches: Callable[[BodyStates], Array], limit: float = 20.0) -> None:
         """Find the static equilibrium (`exumob.multibody.settling`), and make it the state at time 0.
 
         Parameters
         ----------
-        water_load : callable
+        water_wrenches : callable
             Wrenches of the water for the present states, shape (5, 6), asked for every `SETTLING_STEP`.
         limit : float
             Give up after this simulated time [s].
@@ -141,7 +141,7 @@ class MultibodyVehicle:
 
         self._start(settings, driving=False)
         try:
-            relax(self.vehicle, self.parameters[0], self.loads[0], water_load, advance, self.present(), limit)
+            relax(self.vehicle, self.parameters[0], self.loads[0], water_wrenches, advance, self.present(), limit)
         finally:
             self._solver.FinalizeSolver(self.mbs, settings)
         data = self.mbs.systemData
@@ -187,9 +187,9 @@ class MultibodyVehicle:
     def _before_residual(self, mbs: Any, time: float, newton_iteration: int, discontinuous_iteration: int) -> None:
         if newton_iteration == 0:
             self._prescribe(time)
-            if self._changing_water is not None:
-                mean, rate, middle = self._changing_water
-                self.loads[0]["water"] = mean + (time - middle) * rate
+            if self._changing_wrench is not None:
+                mean, rate, middle = self._changing_wrench
+                self.loads[0]["water_wrench"] = mean + (time - middle) * rate
         vehicle_loads(self.parameters, self._heights, self._q, self._v, self._reference, self.loads)
 
     def _load_jacobian(
@@ -270,13 +270,13 @@ class MultibodyVehicle:
         SimulationError
             If a wheel sinks to its centre, the motion is not finite or the integration does not converge.
         """
-        self.loads[0]["water"] = water
+        self.loads[0]["water_wrench"] = water
         middle = 0.5 * (self.time + end_time)
-        self._changing_water = None if rate is None else (np.array(water), np.array(rate), middle)
+        self._changing_wrench = None if rate is None else (np.array(water), np.array(rate), middle)
         try:
             self._advance(self._settings, end_time)
         finally:
-            self._changing_water = None
+            self._changing_wrench = None
 
     # -- state -------------------------------------------------------------------------------------------------------
 

@@ -123,7 +123,7 @@ def build_dataset(
         "keel_clearance": _keel_clearance(vehicle, terrain, states),
         "suspension_stroke": loads["stroke"],
         "flow_state": flow_states(states, water),
-        "water_wrench": loads["water"],
+        "water_wrench": loads["water_wrench"],
         **_force_ledger(records, states, masses),
         "mass": masses,
         "work": records["energy_account"]["work"],
@@ -193,7 +193,7 @@ def _force_ledger(records: np.ndarray, states: BodyStates, masses: Array) -> dic
     shape = states.position.shape
     soil, gravity, suspension, constraint = (np.zeros(shape) for _ in range(4))
     soil[:, 1:] = loads["soil_force"]
-    water = np.einsum("nbij,nbj->nbi", states.rotation, loads["water"][..., :3])
+    water = np.einsum("nbij,nbj->nbi", states.rotation, loads["water_wrench"][..., :3])
     gravity[:, :, 2] = -GRAVITY * masses
     spring = loads["suspension_force"][..., None] * states.rotation[:, 0, None, :, 2]
     suspension[:, 0], suspension[:, 1:] = spring.sum(axis=1), -spring
