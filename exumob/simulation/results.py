@@ -20,6 +20,7 @@ from exumob.multibody.energy_account import WORK_KINDS
 from exumob.multibody.system import MultibodyVehicle
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.files import atomic_write
 from exumob.support.provenance import parameters_json, provenance
 from exumob.vehicle.motion import BODIES, WHEELS, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.vehicle.parameters import Vehicle
@@ -317,12 +318,8 @@ def _write(dataset: xr.Dataset, path: Path) -> Path:
         raise OSError(errno.ENOENT, f"folder {path.parent} does not exist")
     packed = {name: {"zlib": True, "complevel": 4} for name, v in dataset.data_vars.items() if v.dtype.kind == "f"}
     data = dataset.to_netcdf(engine="h5netcdf", encoding=packed)  # in memory: HDF5 on a full disk takes Python down
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        partial.write_bytes(data)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(data)
     return path
 
 
