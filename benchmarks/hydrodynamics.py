@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from exumob.vehicle.motion import BodyStates
-from exumob.vehicle.parameters import Vehicle, load_vehicle
+from exumob.vehicle.parameters import Vehicle
+from exumob.vehicle.vehicle_file import load_vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.flow_states import flow_states

@@ -12,7 +12,8 @@ from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.simulation.run import simulate
 from exumob.simulation.summary import summary
 from exumob.support.errors import SimulationError, SimulationInterrupted
-from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones, load_vehicle
+from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones
+from exumob.vehicle.vehicle_file import load_vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics, NoWater

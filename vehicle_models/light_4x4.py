@@ -1,7 +1,7 @@
 """A full-scale light four-wheel-drive truck: double wishbones, Ackermann steering, tyres 0.72 m high.
 
-No particular make: round values of the class of light military and farm vehicles, ours throughout. It shows what a
-different vehicle takes: this file, and nothing else.
+It is no particular make: all values are round ones of the class of light military and farm vehicles, chosen by us. A
+different vehicle needs such a file, and nothing else.
 """
 
 import math

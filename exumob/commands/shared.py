@@ -78,7 +78,7 @@ def whatever_was_computed(run: Callable[[], xr.Dataset], output: Path | None) ->
 
 def vehicle_of(file: Path | None) -> Vehicle:
     """Of a vehicle file; the paper's without one."""
-    from exumob.vehicle.parameters import load_vehicle
+    from exumob.vehicle.vehicle_file import load_vehicle
 
     if file is not None:
         return load_vehicle(file)

@@ -1,4 +1,4 @@
-"""What the driver does: steering angle and wheel speed over time, with two derivatives each.
+"""Maneuvers: steering angle and wheel speed over time, with two derivatives each.
 
 The multibody model prescribes both as kinematic constraints (paper Eq. 6), so they must be smooth: C2, starting from
 rest with zero angular acceleration (a sudden start means spin torques of hundreds of N m in the first step).
@@ -27,20 +27,23 @@ class Maneuver(Protocol):
     """Steering and wheel speed as functions of time."""
 
     def steering(self, time: float) -> Motion:
-        """Mean front-wheel angle [rad] (positive: left), rate [rad/s], acceleration [rad/s^2]."""
+        """Return the mean front-wheel angle [rad] (positive: left), its rate [rad/s] and acceleration [rad/s^2]."""
 
     def wheel_speed(self, time: float) -> Motion:
-        """Spin of all four wheels [rad/s] (positive: forward), and its two derivatives."""
+        """Return the spin of all four wheels [rad/s] (positive: forward) and its two derivatives."""
 
 
 class Driver(Maneuver, Protocol):
-    """Somebody who drives one run and looks at the vehicle as it goes."""
+    """A driver of one run, who looks at the vehicle as it goes."""
 
     def observe(self, states: BodyStates) -> None:
-        """See the vehicle as it is now (n = 1); steering and wheel speed may change from here on, without a jump."""
+        """Look at the present state of the vehicle (n = 1).
+
+        Steering and wheel speed may change from here on, without a jump.
+        """
 
     def save(self) -> dict[str, Any]:
-        """All that the next steps depend on: arrays, numbers and text by name, so that it can be written (copied)."""
+        """Return all that the next steps depend on: arrays, numbers and text by name, so that a file can hold it."""
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Return to a state given by `save`."""
@@ -50,20 +53,20 @@ class Driver(Maneuver, Protocol):
 class FeedbackManeuver(Maneuver, Protocol):
     """A maneuver whose steering answers to the motion of the vehicle (`exumob.driving.path_following`).
 
-    To be resumed from a checkpoint it must be a dataclass, or have a dict `parameters`: what it is made of.
+    To be resumed from a checkpoint it must be a dataclass, or hold its parameters in a dict `parameters`.
     """
 
     control_step: float
-    """Interval at which the driver looks [s]."""
+    """Interval at which the driver looks at the vehicle [s]"""
     max_steering: float
-    """Largest steering angle that is ever asked for [rad]."""
+    """Largest steering angle that is ever asked for [rad]"""
 
     def driver(self, vehicle: Vehicle) -> Driver:
-        """Begin a run: looks at time 0 first."""
+        """Return a driver for one run, who first looks at time 0."""
 
 
 def smooth_step(x: float) -> Motion:
-    """Quintic step from 0 (x <= 0) to 1 (x >= 1) with zero first and second derivatives at both ends."""
+    """Return a quintic step from 0 (x <= 0) to 1 (x >= 1) and its two derivatives, which are 0 at both ends."""
     if x <= 0.0:
         return 0.0, 0.0, 0.0
     if x >= 1.0:
@@ -76,7 +79,7 @@ def smooth_step(x: float) -> Motion:
 
 
 def ramp(time: float, duration: float, final: float) -> Motion:
-    """Quintic ramp from 0 at time 0 to `final` at `duration`."""
+    """Return a quintic ramp from 0 at time 0 to `final` at `duration` [s], with its two time derivatives."""
     s, d, dd = smooth_step(time / duration)
     return final * s, final * d / duration, final * dd / duration**2
 
@@ -92,9 +95,9 @@ class LaneChange:
     amplitude: float = math.radians(30.0)
     """Steering amplitude [rad]; positive turns left first, negative is the mirror case"""
     start: float = 2.0
-    """Of the steering [s]"""
+    """Time at which the steering begins [s]"""
     end: float = 5.5
-    """Of the steering [s]"""
+    """Time at which the steering ends [s]"""
     speed: float = 10.0
     """Final wheel speed [rad/s]"""
     ramp_time: float = 1.0
@@ -110,7 +113,7 @@ class LaneChange:
             )
 
     def steering(self, time: float) -> Motion:
-        """Mean front-wheel angle [rad], rate and acceleration."""
+        """Return the mean front-wheel angle [rad], its rate and acceleration."""
         period = self.end - self.start
         x = (time - self.start) / period
         if x <= 0.0 or x >= 1.0:
@@ -128,7 +131,7 @@ class LaneChange:
         )
 
     def wheel_speed(self, time: float) -> Motion:
-        """Spin of all wheels [rad/s], and its two derivatives."""
+        """Return the spin of all wheels [rad/s] and its two derivatives."""
         return ramp(time, self.ramp_time, self.speed)
 
 
@@ -141,7 +144,7 @@ class ConstantSteer:
     speed: float = 10.0
     """Final wheel speed [rad/s]; 0: the vehicle stands on locked wheels"""
     ramp_time: float = 1.0
-    """Of the wheel speed, then of the steering [s]"""
+    """Time of the ramp of the wheel speed, and then of the ramp of the steering [s]"""
 
     def __post_init__(self) -> None:
         require_within("ConstantSteer", -math.radians(80.0), math.radians(80.0), angle=self.angle)
@@ -149,11 +152,11 @@ class ConstantSteer:
         require_positive("ConstantSteer", ramp_time=self.ramp_time)
 
     def steering(self, time: float) -> Motion:
-        """Mean front-wheel angle [rad], rate and acceleration."""
+        """Return the mean front-wheel angle [rad], its rate and acceleration."""
         return ramp(time - self.ramp_time, self.ramp_time, self.angle)
 
     def wheel_speed(self, time: float) -> Motion:
-        """Spin of all wheels [rad/s], and its two derivatives."""
+        """Return the spin of all wheels [rad/s] and its two derivatives."""
         return ramp(time, self.ramp_time, self.speed)
 
 
@@ -165,11 +168,11 @@ class Recorded:
     Parameters
     ----------
     time : array, shape (n,), n >= 4
-        Increasing from 0 [s].
+        Instants of the samples [s], increasing from 0.
     steering : array, shape (n,)
         Mean front-wheel angle [rad].
     wheel_speed : array, shape (n,)
-        [rad/s]; must start at 0 (the vehicle starts at rest).
+        Spin of the wheels [rad/s]; must start at 0 (the vehicle starts at rest).
 
     Raises
     ------
@@ -217,11 +220,11 @@ class Recorded:
         return float(spline(t)), inside * float(spline(t, 1)), inside * float(spline(t, 2))
 
     def steering(self, time: float) -> Motion:
-        """Mean front-wheel angle [rad], rate and acceleration."""
+        """Return the mean front-wheel angle [rad], its rate and acceleration."""
         return self._motion(self._angle, time)
 
     def wheel_speed(self, time: float) -> Motion:
-        """Spin of all wheels [rad/s], and its two derivatives."""
+        """Return the spin of all wheels [rad/s] and its two derivatives."""
         return self._motion(self._speed, time)
 
 

@@ -1,9 +1,9 @@
-"""A driver who looks where the vehicle is: Stanley's steering law along a path, as a maneuver with feedback.
+"""Following a path: Stanley's steering law as a maneuver with feedback, whose driver looks where the vehicle is.
 
 Hoffmann, Tomlin, Montemerlo & Thrun, Autonomous automobile trajectory tracking for off-road driving (ACC 2007): the
 front wheels are turned by the heading error and by an angle that grows with the distance of the front axle from the
-path. Two terms are added to it: damping of the yaw rate (theirs, too) and, for a current from the side, the integral of
-the distance.
+path. Two terms are added to it: damping of the yaw rate (from the same paper) and, for a current from the side, the
+integral of the distance.
 
 The steering constraint of the multibody model needs angles with two derivatives. So the driver plans: every
 `PathFollowing.control_step` a quintic begins from the angle, rate and acceleration that the wheels have, and ends at
@@ -28,9 +28,9 @@ from exumob.vehicle.parameters import Motion, Vehicle
 SHARPEST = math.radians(60.0)
 """Largest turn of a path at a waypoint [rad]."""
 REACH = 2.0
-"""Way along the path, back and ahead of where the vehicle was last, in which the nearest point is sought [m]."""
+"""Length of the path before and behind the last nearest point in which the next one is sought [m]."""
 INTEGRAL_LIMIT = math.radians(15.0)
-"""Of the angle that the integral of the distance may ask for (against wind-up)."""
+"""Limit of the steering angle that the integral of the distance may ask for [rad] (against wind-up)."""
 
 
 Point = tuple[float, float]
@@ -38,14 +38,14 @@ Point = tuple[float, float]
 
 
 def lane_shift(offset: float = 0.5, start: float = 1.0, length: float = 2.5, end: float = 20.0) -> tuple[Point, ...]:
-    """Waypoints of a lane change: straight ahead, to the left by `offset` on a quintic, straight on.
+    """Return waypoints of a lane change: straight ahead, to the left by `offset` on a quintic, straight on.
 
     Parameters
     ----------
     offset : float
-        [m]; negative: to the right.
+        Distance between the lanes [m]; negative: to the right.
     start, length : float
-        Where the change begins and what it takes of the way ahead [m].
+        Where the change begins, and its length along x [m].
     end : float
         Where the path ends [m].
     """
@@ -61,34 +61,35 @@ def lane_shift(offset: float = 0.5, start: float = 1.0, length: float = 2.5, end
 class PathFollowing:
     """Wheel speed ramped up; steering by Stanley's law along waypoints.
 
-    The angle wanted is, left positive, with the heading error psi (heading less the path's), the distance e of the
-    front axle to the left of the path, its speed v and the yaw rate r,
-    - psi - arctan(gain e / (v + softening_speed)) - yaw_damping r - integral_gain (integral of e).
+    The steering angle wanted, positive to the left, is
+    - psi - arctan(gain e / (v + softening_speed)) - yaw_damping r - integral_gain (integral of e)
+    with the heading error psi (heading of the vehicle minus that of the path), the distance e of the front axle to the
+    left of the path, its speed v and the yaw rate r.
     """
 
     waypoints: tuple[Point, ...] = lane_shift()
-    """World x, y [m], two at least; before the first and after the last the path goes straight on. The heading wanted
-    turns from the middle of one piece to the middle of the next: give points so close that a bend is round"""
+    """World x, y [m], at least two; before the first and after the last the path goes straight on. The heading wanted
+    turns from the middle of one piece to the middle of the next: place points so close that a bend is round"""
     speed: float = 10.0
     """Final wheel speed [rad/s]"""
     ramp_time: float = 1.0
     """Time from rest to the final wheel speed [s]"""
     gain: float = 1.0
-    """Speed of approach over distance [1/s]"""
+    """Speed of the approach to the path over the distance from it [1/s]"""
     softening_speed: float = 0.2
-    """Keeps the steering calm at low speed [m/s]"""
+    """Added to the speed, it keeps the steering calm at low speed [m/s]"""
     yaw_damping: float = 0.1
-    """Angle over yaw rate [s]"""
+    """Steering angle over yaw rate [s]"""
     integral_gain: float = 0.0
-    """Angle over the integral of the distance [rad/(m s)]"""
+    """Steering angle over the integral of the distance [rad/(m s)]"""
     max_steering: float = math.radians(30.0)
-    """[rad]"""
+    """Largest steering angle [rad]"""
     max_rate: float = 2.0
     """Peak rate of a turn of the wheels from rest to rest [rad/s]; one that begins in motion may go half faster"""
     control_step: float = 0.02
-    """Interval at which the driver looks [s]"""
+    """Interval at which the driver looks at the vehicle [s]"""
     response_time: float = 0.15
-    """From an angle wanted to the angle reached [s]"""
+    """Time from an angle wanted to the angle reached [s]"""
 
     def __post_init__(self) -> None:
         points = np.asarray(self.waypoints, float)
@@ -122,19 +123,19 @@ class PathFollowing:
         require_within("PathFollowing", 0.0, math.radians(80.0), max_steering=self.max_steering)
 
     def steering(self, time: float) -> Motion:
-        """Straight ahead, as long as nobody drives (`driver`)."""
+        """Return the angle while nobody drives (`driver`): straight ahead."""
         return 0.0, 0.0, 0.0
 
     def wheel_speed(self, time: float) -> Motion:
-        """Spin of all wheels [rad/s], and its two derivatives."""
+        """Return the spin of all wheels [rad/s] and its two derivatives."""
         return ramp(time, self.ramp_time, self.speed)
 
     def driver(self, vehicle: Vehicle) -> StanleyDriver:
-        """Somebody who follows the path with this vehicle, for one run."""
+        """Return a driver who follows the path with this vehicle, for one run."""
         return StanleyDriver(self)
 
     def deviation(self, run: xr.Dataset, body: str = "hull") -> xr.DataArray:
-        """Distance of a body's origin to the left of the path [m], dims (time,)."""
+        """Compute the distance of a body's origin to the left of the path [m], dims (time,)."""
         places = run["position"].sel(body=body, axis=["x", "y"]).values
         path, arc, found = _Polyline(self.waypoints), None, []
         for x, y in places:
@@ -147,7 +148,7 @@ class PathFollowing:
 
 
 class StanleyDriver:
-    """Steers one run along the path of a `PathFollowing`."""
+    """The driver of one run along the path of a `PathFollowing`."""
 
     def __init__(self, maneuver: PathFollowing) -> None:
         """Begin with the wheels straight."""
@@ -160,7 +161,7 @@ class StanleyDriver:
         self._arc: float | None = None  # way along the path [m]
 
     def steering(self, time: float) -> Motion:
-        """Mean front-wheel angle [rad], rate and acceleration, as planned last."""
+        """Return the mean front-wheel angle [rad], its rate and acceleration, as planned last."""
         start, c0, c1, c2, c3, c4, c5, end = self._plan
         if time >= end:
             return self._wanted, 0.0, 0.0
@@ -172,12 +173,12 @@ class StanleyDriver:
         )
 
     def wheel_speed(self, time: float) -> Motion:
-        """Spin of all wheels [rad/s], and its two derivatives."""
+        """Return the spin of all wheels [rad/s] and its two derivatives."""
         return self.maneuver.wheel_speed(time)
 
     def observe(self, states: BodyStates) -> None:
         """Look at the vehicle (n = 1) and plan anew."""
-        told, time = self.maneuver, float(states.time[0])
+        law, time = self.maneuver, float(states.time[0])
         x, y = states.position[0, 1:3, :2].mean(axis=0)  # front axle
         ahead = states.rotation[0, 0, :2, 0] / np.hypot(*states.rotation[0, 0, :2, 0])
         distance, direction, self._arc = self._path.nearest(x, y, self._arc)
@@ -187,16 +188,16 @@ class StanleyDriver:
         if self._seen is not None:
             self._integral += (time - self._seen) * distance
         self._seen = time
-        if told.integral_gain > 0.0:
-            most = INTEGRAL_LIMIT / told.integral_gain
+        if law.integral_gain > 0.0:
+            most = INTEGRAL_LIMIT / law.integral_gain
             self._integral = min(max(self._integral, -most), most)
         wanted = (
             -error
-            - math.atan2(told.gain * distance, speed + told.softening_speed)
-            - told.yaw_damping * float(states.angular_velocity[0, 0, 2])
-            - told.integral_gain * self._integral
+            - math.atan2(law.gain * distance, speed + law.softening_speed)
+            - law.yaw_damping * float(states.angular_velocity[0, 0, 2])
+            - law.integral_gain * self._integral
         )
-        most = 0.98 * told.max_steering  # a quintic that begins in motion overshoots a little
+        most = 0.98 * law.max_steering  # a quintic that begins in motion overshoots a little
         self._turn_to(min(max(wanted, -most), most), time)
 
     def _turn_to(self, wanted: float, time: float) -> None:
@@ -214,7 +215,7 @@ class StanleyDriver:
         self._plan[:] = time, c0, c1, c2, c3, c4, c5, time + span
 
     def save(self) -> dict[str, Any]:
-        """All that the next look depends on."""
+        """Return all that the next look depends on."""
         return {
             "plan": self._plan.copy(), "wanted": self._wanted, "integral": self._integral, "seen": self._seen,
             "arc": self._arc,

@@ -117,16 +117,7 @@ def prism(outline: Array, width: float, friction: float = 0.0) -> Solid:
 
 def hull_prism(hull: Hull, friction: float = HULL_FRICTION) -> Solid:
     """Raked-bow box of a `Hull` about its centre of mass."""
-    stern, bow = hull.center_x - 0.5 * hull.length, hull.center_x + 0.5 * hull.length
-    keel = hull.ground_clearance
-    outline = np.array(
-        [
-            [stern, keel], [bow - hull.bow_length, keel], [bow, keel + hull.bow_height],
-            [bow, keel + hull.height], [stern, keel + hull.height],
-        ]
-    )  # fmt: skip
-    apart = np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1) > 0.0
-    return prism(outline[apart] - [hull.center_of_mass_x, hull.center_of_mass_height], hull.width, friction)
+    return prism(hull.side_profile() - [hull.center_of_mass_x, hull.center_of_mass_height], hull.width, friction)
 
 
 def mesh_solid(triangles: Array, spacing: float, friction: float = HULL_FRICTION) -> Solid:

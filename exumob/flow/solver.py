@@ -42,6 +42,7 @@ from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.support.errors import SimulationError
+from exumob.support.rotations import about_z
 from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)
@@ -435,11 +436,11 @@ class FlowSolver:
 
     def _far(self, yaw: float) -> Array:
         """Undisturbed flow in grid axes [m/s]."""
-        return _turn(yaw).T @ self.water.velocity
+        return about_z(yaw).T @ self.water.velocity
 
     def _place(self, poses: Poses, frame: Array) -> Placed:
         """Put the solids at their poses."""
-        back = _turn(frame[2]).T
+        back = about_z(frame[2]).T
         position = (poses.position - np.array([frame[0], frame[1], 0.0])) @ back.T
         rotation = back @ poses.rotation
         velocity, rate = poses.velocity @ back.T, poses.angular_velocity @ back.T
@@ -699,9 +700,3 @@ def _given_bed(grid: Grid, terrain: Terrain | None, number: int, settings: FlowS
             "(bed_roughness=None), or use Smagorinsky."
         )
     return bed.Bed(terrain, grid, number)
-
-
-def _turn(yaw: float) -> Array:
-    """Rotation about z by `yaw` [rad]."""
-    c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -113,6 +113,10 @@ class WheelMotion(NamedTuple):
     """Rate at which the wheel's plane turns about the vertical [rad/s]"""
 
 
+Coefficients = tuple[float, float, float, float]
+"""Factors of 1, theta, sin(theta) and cos(theta)."""
+
+
 class Patch(NamedTuple):
     """Extent of a contact patch, and how hard the soil presses in it."""
 
@@ -190,10 +194,9 @@ def _sign_change(g_0: float, g_1: float, g_2: float, low: float, high: float) ->
 
 
 @njit(cache=True, error_model="numpy")
-def _shear_reversals(
-    x_0: float, x_1: float, x_2: float, x_3: float, theta_r: float, theta_f: float, kinks: Array
-) -> int:
-    """Where in the patch the longitudinal shear displacement changes its sign; fills `kinks`, returns their number."""
+def _shear_reversals(displacement: Coefficients, theta_r: float, theta_f: float, kinks: Array) -> int:
+    """Fill `kinks` with the angles at which a shear displacement changes its sign; returns their number."""
+    x_0, x_1, x_2, x_3 = displacement
     # x_2 sin(theta) + x_3 cos(theta) = g_2 sin(theta + phase)
     g_2 = math.copysign(math.sqrt(x_2 * x_2 + x_3 * x_3), x_2)
     phase = math.atan2(math.copysign(x_3, x_3 * g_2), abs(x_2)) if g_2 != 0.0 else 0.0
@@ -211,7 +214,7 @@ def _shear_reversals(
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"}, inline="always")
 def _sine(x: float) -> float:
-    """Taylor series, error below 1e-11 for |x| <= pi/2; without a call, so that the loop over the patch vectorises."""
+    """Taylor series of the sine, error below 1e-11 for |x| <= pi/2; without a call, so that the loop over the patch vectorises."""
     y = x * x
     s = 1.0 - y / 210.0 * (1.0 - y / 272.0)
     s = 1.0 - y / 42.0 * (1.0 - y / 72.0 * (1.0 - y / 110.0 * (1.0 - y / 156.0 * s)))
@@ -220,7 +223,7 @@ def _sine(x: float) -> float:
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"}, inline="always")
 def _cosine(x: float) -> float:
-    """As `_sine`."""
+    """Taylor series of the cosine, error and range as for `_sine`."""
     y = x * x
     s = 1.0 - y / 182.0 * (1.0 - y / 240.0 * (1.0 - y / 306.0))
     s = 1.0 - y / 30.0 * (1.0 - y / 56.0 * (1.0 - y / 90.0 * (1.0 - y / 132.0 * s)))
@@ -244,24 +247,21 @@ def _mobilised(x: float) -> float:
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"})
-def _add_patch_forces(
-    soil: Any, wheel: WheelSize, patch: Patch, motion: WheelMotion, rate: float, share: float, mirror: float, out: Any
-) -> None:
-    """Add `share` of the patch forces of a wheel in forward travel; mirror = -1: of its fore-aft mirror image."""
-    n, cohesion, tan_phi = soil.n, soil.cohesion, soil.tan_friction_angle
-    resultant = soil.shear_resultant
-    radius, width = wheel.radius, wheel.width
-    theta_f, theta_r, theta_m = patch.entry_angle, patch.exit_angle, patch.maximum_pressure_angle
-    v_x, v_y, v_z, omega = motion.v_x, motion.v_y, motion.v_z, motion.spin
+def _shear_displacement(
+    soil: Any, wheel: WheelSize, patch: Patch, motion: WheelMotion, rate: float
+) -> tuple[Coefficients, Coefficients]:
+    """Shear displacements over the shear moduli, as functions of the angle (module docstring).
 
+    j_x / K_x = x_0 + x_1 theta + x_2 sin(theta) + x_3 cos(theta), and j_y / K_y likewise with y.
+    """
+    radius, v_x, v_y, v_z, omega = wheel.radius, motion.v_x, motion.v_y, motion.v_z, motion.spin
+    theta_f, theta_r = patch.entry_angle, patch.exit_angle
     speed = abs(omega)
     if speed < rate:
         speed = (speed * speed + rate * rate) / (2.0 * rate)
     enters_front = _smooth_step(omega / rate)
     enters_behind = 1.0 - enters_front
-    # Displacements over K: j_x / K_x = x_0 + x_1 theta + x_2 sin(theta) + x_3 cos(theta), j_y / K_y likewise with y
     sin_f, sin_r, cos_f, cos_r = math.sin(theta_f), math.sin(theta_r), math.cos(theta_f), math.cos(theta_r)
-    cohesion *= patch.adhesion
     arc = enters_front * theta_f - enters_behind * theta_r
     turn = enters_behind - enters_front
     arc_sin = enters_front * sin_f - enters_behind * sin_r
@@ -272,25 +272,50 @@ def _add_patch_forces(
     roll, yaw = radius * motion.omega_x, radius * motion.omega_z
     y_0 = (-v_y * arc - roll * arc_sin + yaw * arc_cos) * per_y
     y_1, y_2, y_3 = -turn * v_y * per_y, -turn * roll * per_y, turn * yaw * per_y
+    return (x_0, x_1, x_2, x_3), (y_0, y_1, y_2, y_3)
 
-    # u in (0, 1) runs from either end of the patch to theta_m; Eq. (3) gives both regions the same pressure at equal u.
-    # A kink of the shear stress (reversal of j_x or j_y) is made an end of an integration interval.
-    front, rear = theta_f - theta_m, theta_m - theta_r
-    splits = np.ones(7)
-    count = _shear_reversals(x_0, x_1, x_2, x_3, theta_r, theta_f, splits)
-    if roll != 0.0 or yaw != 0.0:
-        count += _shear_reversals(y_0, y_1, y_2, y_3, theta_r, theta_f, splits[count:])
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"})
+def _interval_ends(x: Coefficients, y: Coefficients, patch: Patch, plane_turns: bool, ends: Array) -> int:
+    """Fill `ends` with the reversals of the shear, then 1; returns the number of reversals.
+
+    A kink of the shear stress (reversal of j_x or j_y) must be an end of an integration interval. Ends are given as u
+    in (0, 1), which runs from either end of the patch to theta_m.
+    """
+    theta_f, theta_r, theta_m = patch.entry_angle, patch.exit_angle, patch.maximum_pressure_angle
+    count = _shear_reversals(x, theta_r, theta_f, ends)
+    if plane_turns:
+        count += _shear_reversals(y, theta_r, theta_f, ends[count:])
     for k in range(count):
-        kink = splits[k]
-        splits[k] = (theta_f - kink) / front if kink > theta_m else (kink - theta_r) / rear
-    splits[:count].sort()
-    splits[count] = 1.0
+        kink = ends[k]
+        ends[k] = (theta_f - kink) / (theta_f - theta_m) if kink > theta_m else (kink - theta_r) / (theta_m - theta_r)
+    ends[:count].sort()
+    ends[count] = 1.0
+    return count
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"})
+def _add_patch_forces(
+    soil: Any, wheel: WheelSize, patch: Patch, motion: WheelMotion, rate: float, share: float, mirror: float, out: Any
+) -> None:
+    """Add `share` of the patch forces of a wheel in forward travel; mirror = -1: of its fore-aft mirror image."""
+    n, cohesion, tan_phi = soil.n, soil.cohesion * patch.adhesion, soil.tan_friction_angle
+    resultant = soil.shear_resultant
+    theta_f, theta_r, theta_m = patch.entry_angle, patch.exit_angle, patch.maximum_pressure_angle
+    cos_f = math.cos(theta_f)
+    x, y = _shear_displacement(soil, wheel, patch, motion, rate)
+    (x_0, x_1, x_2, x_3), (y_0, y_1, y_2, y_3) = x, y
+
+    # Eq. (3) gives the regions before and behind theta_m the same pressure at equal u (see `_interval_ends`).
+    front, rear = theta_f - theta_m, theta_m - theta_r
+    ends = np.empty(7)
+    count = _interval_ends(x, y, patch, motion.omega_x != 0.0 or motion.omega_z != 0.0, ends)
     kind = 1 if count > 0 else 0
     force_x = force_y = force_z = torque = moment_x = moment_z = 0.0
     pressures = np.empty(NODES)
     for part in range(count + 1):
-        start = 0.0 if part == 0 else splits[part - 1]
-        extent = splits[part] - start
+        start = 0.0 if part == 0 else ends[part - 1]
+        extent = ends[part] - start
         for k in range(NODES):
             pressures[k] = (
                 patch.pressure_factor
@@ -320,7 +345,8 @@ def _add_patch_forces(
                 moment_x += length * shear_y * cos_t
                 moment_z += length * shear_y * sin_t
 
-    area = share * radius * width
+    radius = wheel.radius
+    area = share * radius * wheel.width
     out.force[0] += mirror * area * force_x
     out.force[1] += area * force_y
     out.force[2] += area * force_z

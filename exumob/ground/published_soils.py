@@ -1,4 +1,4 @@
-"""Published Bekker-Wong parameters of 23 soils, as their sources print them, and what stands in where they are silent."""
+"""Published Bekker-Wong parameters of 23 soils as their sources print them, and values for what these do not give."""
 
 WONG_TABLE = """\
 Dry sand (Land Locomotion Lab)  | 1.10 |   0.99 | 1528.43 |  1.04 | 28.0 |       | loose sand
@@ -28,7 +28,7 @@ Lunar soil                      | 1.00 |   1.40 |  820.00 |  0.17 | 35.0 | 0.010
 """Wong, Theory of Ground Vehicles, table of terrain values, and the two planetary soils in common use.
 
 Columns: name (per cent: moisture), n [-], k_c [kN/m^(n+1)], k_phi [kN/m^(n+2)], cohesion [kPa], friction angle [deg],
-shear deformation modulus K [m] where published, class (ours) that chooses what is not published.
+shear deformation modulus K [m] where published, and the class, chosen by us, that supplies what is not published.
 """
 
 SOIL_CLASSES = {
@@ -50,4 +50,4 @@ SOIL_CLASSES = {
     ),
     "planetary": (0.010, 0.40, 0.15, "c1, c2 after Ishigami et al. (J. Field Robotics 24 (2007) 233)"),
 }  # fmt: skip
-"""What a soil gets where its source is silent; (c1, c2) are published for none of the 23 soils themselves."""
+"""Values for what the source of a soil does not give; (c1, c2) are published for none of the 23 soils themselves."""

@@ -1,4 +1,4 @@
-"""Bekker-Wong parameters of a soil, own or published. SI units and radians."""
+"""Bekker-Wong parameters of a soil, your own or published. SI units and radians."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ SOIL_RECORD = np.dtype(
 
 @dataclass(frozen=True)
 class Soil:
-    """Bekker-Wong parameters of a soil, SI units.
+    """A soil, described by its Bekker-Wong parameters in SI units.
 
-    Normal pressure under a plate of width b that has sunk by z (``pressure_form``):
+    `pressure_form` chooses the normal pressure under a plate of width b that has sunk by z:
 
     - ``"bekker"``: (k_c / b + k_phi) z^n, paper Eq. (3); k_c [N/m^(n+1)], k_phi [N/m^(n+2)].
     - ``"reece"``: (k_c + k_phi b) (z / b)^n, Reece (1965) as in Wong & Reece (1967); k_c [Pa], k_phi [Pa/m].
 
-    Shear stress in the patch, paper Eq. (4) after Janosi & Hanamoto (1961), strength c + sigma tan(phi)
-    (``shear_limit``):
+    `shear_limit` chooses how the shear stress in the contact patch, paper Eq. (4) after Janosi & Hanamoto (1961), is
+    bounded by the strength c + sigma tan(phi):
 
     - ``"per_axis"``: longitudinal and lateral shear each reach the strength on their own (the paper).
     - ``"resultant"``: their resultant reaches it, along the resultant shear displacement (Wong & Chiang, Proc. IMechE
@@ -56,22 +56,23 @@ class Soil:
     n : float
         Sinkage exponent [-], 0 < n <= 3.
     cohesion : float
-        [Pa], >= 0.
+        Cohesion c [Pa], >= 0.
     friction_angle : float
-        Internal friction [rad], 0 <= phi <= 80 degrees.
+        Angle of internal friction phi [rad], 0 to 80 degrees.
     shear_modulus_x, shear_modulus_y : float
-        Shear deformation moduli K_x, K_y [m], > 0: the displacement that mobilises 63 % of the strength.
+        Shear deformation moduli K_x (along the wheel) and K_y (across) [m], > 0: the displacement at which 63 % of the
+        strength is mobilised.
     c1, c2 : float
-        Angle of maximum pressure (c1 + c2 |slip_ratio|) entry_angle [-]; both >= 0, c1 + c2 <= 1.
+        Coefficients [-] of the angle of maximum pressure, (c1 + c2 |slip_ratio|) entry_angle; both >= 0, c1 + c2 <= 1.
     rebound_ratio : float
         Elastic recovery of the sinkage behind the wheel over the sinkage, kappa [-], 0 to 1.
     damping : float
         Normal damping [s/m]: the pressure is multiplied by 1 + damping * (rate of sinkage), never below 0
-        (the form of Hunt & Crossley, J. Appl. Mech. 42 (1975) 440: no jump of the force at touch-down). The Bekker
-        pressure has no loss of its own; soil does. The default of 0.8 s/m is ours: a 2 kg wheel assembly (diameter
-        0.2 m, width 0.08 m) on LETE sand under 140 N is then damped at 20 % of critical.
+        (the form of Hunt & Crossley, J. Appl. Mech. 42 (1975) 440: no jump of the force at touch-down). Real soil
+        dissipates energy, which the Bekker pressure alone does not. The default of 0.8 s/m is chosen by us: it damps a
+        2 kg wheel assembly (diameter 0.2 m, width 0.08 m) on LETE sand under 140 N at 20 % of critical.
     name : str
-        For messages and results.
+        Name in messages and results.
     pressure_form, shear_limit : str
         See above.
 
@@ -123,12 +124,12 @@ class Soil:
             raise ValueError(f"Soil.shear_limit = {self.shear_limit!r} is not known; use 'per_axis' or 'resultant'.")
 
     def pressure(self, sinkage: float, width: float) -> float:
-        """Pressure under a flat plate [Pa].
+        """Return the pressure under a flat plate [Pa].
 
         Parameters
         ----------
         sinkage : float
-            [m], >= 0.
+            Depth of the plate below the undisturbed surface [m], >= 0.
         width : float
             Smaller side of the plate [m], > 0.
         """
@@ -139,7 +140,10 @@ class Soil:
         return (self.k_c / width + self.k_phi) * sinkage**self.n
 
     def as_record(self) -> np.ndarray:
-        """Parameters for compiled code: an array of dtype `SOIL_RECORD`, shape (1,); kernels take its element 0."""
+        """Return the parameters for compiled code, an array of dtype `SOIL_RECORD`, shape (1,).
+
+        Kernels take its element 0.
+        """
         derived = {
             "tan_friction_angle": math.tan(self.friction_angle),
             "reece_pressure": self.pressure_form == "reece",
@@ -152,7 +156,7 @@ class Soil:
 
     @classmethod
     def published(cls, name: str) -> Soil:
-        """One of the 23 soils of `published_table`, by its name in the table.
+        """Return one of the 23 soils of `published_table` by its name in the table.
 
         Raises
         ------
@@ -178,7 +182,7 @@ class Soil:
 
     @staticmethod
     def published_table() -> tuple[PublishedSoil, ...]:
-        """All published soils with the provenance of every value, in the order of the source."""
+        """Return all published soils with the provenance of every value, in the order of the source."""
         return _PUBLISHED
 
 
@@ -190,7 +194,7 @@ class PublishedSoil(NamedTuple):
     shear_modulus_published: bool
     """True: K stands in the source; False: chosen by the rule in `source`"""
     source: str
-    """Where each value comes from, in words"""
+    """The origin of each value, in words"""
 
 
 def _kilo(text: str) -> float:
@@ -211,7 +215,7 @@ def _published() -> tuple[PublishedSoil, ...]:
         if modulus and "; " in why:
             why = why.split("; ", 1)[1]
         known = "n, k_c, k_phi, c, phi, K" if modulus else "n, k_c, k_phi, c, phi"
-        source = f"{known}: published; class {kind!r}: {why}; K_y = K_x, no rebound (ours)"
+        source = f"{known}: published; class {kind!r}: {why}; K_y = K_x, no rebound (chosen by us)"
         rows.append(PublishedSoil(name, soil, bool(modulus), source))
     return tuple(rows)
 

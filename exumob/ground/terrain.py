@@ -37,16 +37,16 @@ class Terrain:
     Parameters
     ----------
     height : float
-        Of the plane at the world's origin [m].
+        Height of the plane at the world's origin [m].
     slope_x, slope_y : float
-        dz/dx, dz/dy of the plane [-].
+        Slopes dz/dx and dz/dy of the plane [-], -2 to 2.
     heights : array_like, shape (n_y, n_x), optional
         Field added to the plane [m]; at least 2 by 2. Between its points it is interpolated by bicubic (Catmull-Rom)
         splines, continuous with its slope; outside, the values at its edge continue.
     origin : tuple of float
-        (x, y) of ``heights[0, 0]`` [m].
+        World coordinates x, y of ``heights[0, 0]`` [m].
     spacing : float or tuple of float
-        Distance of the points along x and y [m].
+        Distance between the points of the field along x and y [m], > 0.
 
     Raises
     ------
@@ -95,7 +95,7 @@ class Terrain:
         angle : float
             Inclination [rad], 0 to 63 degrees; negative goes down.
         direction : float
-            Where it rises to, counter-clockwise from world x [rad].
+            Direction in which it rises, counter-clockwise from world x [rad].
         """
         require_within("Terrain", -1.1, 1.1, "give the angle in radians.", slope_angle=angle)
         require_finite("Terrain", slope_direction=direction)
@@ -104,11 +104,11 @@ class Terrain:
 
     @property
     def is_flat(self) -> bool:
-        """True for a horizontal plane."""
+        """Tell if the terrain is a horizontal plane."""
         return self.slope_x == 0.0 and self.slope_y == 0.0 and self.heights is None
 
     def as_arrays(self) -> tuple[np.ndarray, Array]:
-        """The terrain for compiled code: what `terrain_height` reads.
+        """Return the terrain as compiled code reads it, see `terrain_height`.
 
         Returns
         -------
@@ -124,7 +124,7 @@ class Terrain:
         return terrain, heights
 
     def height_and_normal(self, x: float, y: float) -> tuple[float, Array]:
-        """Height [m] and unit normal, world axes, shape (3,), at a point [m]."""
+        """Return the height [m] and the unit normal, world axes, shape (3,), at a point x, y [m]."""
         require_finite("Terrain", x=x, y=y)
         terrain, heights = self.as_arrays()
         z, dz_dx, dz_dy = terrain_height(terrain[0], heights, float(x), float(y))
@@ -145,7 +145,7 @@ def _spline_weights(t: float) -> tuple[float, float, float, float]:
 
 @njit(cache=True, error_model="numpy")
 def _spline_slopes(t: float) -> tuple[float, float, float, float]:
-    """Their derivatives by t."""
+    """Derivatives of `_spline_weights` by t."""
     return (
         0.5 * (-1.0 + t * (4.0 - 3.0 * t)),
         0.5 * t * (9.0 * t - 10.0),
@@ -156,7 +156,7 @@ def _spline_slopes(t: float) -> tuple[float, float, float, float]:
 
 @njit(cache=True, error_model="numpy")
 def terrain_height(terrain: Any, heights: Array, x: float, y: float) -> tuple[float, float, float]:
-    """Height and slopes of the terrain, for compiled code.
+    """Compute height and slopes of the terrain, for use inside compiled functions.
 
     Parameters
     ----------

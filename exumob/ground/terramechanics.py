@@ -33,22 +33,22 @@ class ContactStresses:
 
 @dataclass(frozen=True)
 class WheelSoilForces:
-    """What the soil does to one wheel, in the wheel's horizontal heading frame (x heading, y left, z up)."""
+    """Force and moment of the soil on one wheel, in the wheel's horizontal heading frame (x heading, y left, z up)."""
 
     force: Array
-    """On the wheel [N], shape (3,)"""
+    """Force on the wheel [N], shape (3,)"""
     moment: Array
-    """About the wheel centre [N m], shape (3,): overturning, -driving_torque, aligning"""
+    """Moment about the wheel centre [N m], shape (3,): overturning, -driving_torque, aligning"""
     driving_torque: float
-    """That the axle must apply to keep the spin, r^2 b times the integral of tau_x [N m]"""
+    """Torque that the axle must apply to keep the spin, r^2 b times the integral of tau_x [N m]"""
     slip_ratio: float
-    """[-], > 0 driving, < 0 braking, in [-1, 1]"""
+    """Slip ratio [-], > 0 driving, < 0 braking, in [-1, 1]"""
     entry_angle: float
-    """[rad], from the downward vertical, positive towards the direction of travel"""
+    """Angle at which the rim meets the soil [rad], from the downward vertical towards the direction of travel"""
     exit_angle: float
-    """[rad], <= 0"""
+    """Angle at which the rim leaves the soil [rad], <= 0"""
     maximum_pressure_angle: float
-    """[rad]"""
+    """Angle of the largest normal stress [rad]"""
 
 
 def wheel_soil_forces(
@@ -61,17 +61,18 @@ def wheel_soil_forces(
     *,
     standstill_rate: float = 0.01,
 ) -> WheelSoilForces:
-    """Force, moment and driving torque of the soil on a rigid wheel, paper Eqs. (3) to (5).
+    """Compute force, moment and driving torque of the soil on a rigid wheel, paper Eqs. (3) to (5).
 
     Parameters
     ----------
     soil : Soil
     wheel_radius, wheel_width : float
-        [m], > 0.
+        Size of the wheel [m], > 0.
     sinkage : float
-        Of the lowest rim point below the undisturbed surface [m], < wheel_radius; <= 0: lifted off, all results 0.
+        Depth of the lowest rim point below the undisturbed surface [m], < wheel_radius. If it is <= 0, the wheel is
+        lifted off and all results are 0.
     velocity : array_like, shape (3,)
-        Of the wheel centre in its horizontal heading frame [m/s].
+        Velocity of the wheel centre in its horizontal heading frame [m/s].
     angular_velocity : float or array_like, shape (3,)
         Spin about +y [rad/s], positive rolls forward; or the whole angular velocity of the wheel in the same frame.
     standstill_rate : float

@@ -46,7 +46,7 @@ LOAD_PARAMETERS = np.dtype(
 
 LOADS = np.dtype(
     [
-        ("water", "f8", (5, 6)),  # input: wrench on the five bodies, body axes [N, N m], held over a macro step
+        ("water_wrench", "f8", (5, 6)),  # input: on the five bodies, body axes [N, N m], held over a macro step
         ("hull_force", "f8", (3,)),  # all in world axes [N], [N m]
         ("hull_torque", "f8", (3,)),
         ("upright_force", "f8", (4, 3)),
@@ -73,8 +73,8 @@ LOADS = np.dtype(
 """Loads on nine bodies at one instant, and what they are made of."""
 
 
-class Motion(NamedTuple):
-    """Motion of the nine bodies in compiled code: hull 0, upright of wheel i at 1 + i, wheel i at 5 + i."""
+class BodyMotion(NamedTuple):
+    """BodyMotion of the nine bodies in compiled code: hull 0, upright of wheel i at 1 + i, wheel i at 5 + i."""
 
     node: Array
     """Coordinates of each body, shape (9, 7)"""
@@ -144,7 +144,7 @@ def vehicle_loads(
     coordinates, velocities, reference : array, shape (63,)
         Node displacements and Euler-parameter increments, their rates, and the reference values.
     loads : array of dtype `LOADS`, shape (1,)
-        ``loads["water"]`` is read; everything else is written.
+        ``loads["water_wrench"]`` is read; everything else is written.
     """
     p = parameters[0]
     out = loads[0]
@@ -159,7 +159,7 @@ def vehicle_loads(
 
 
 @njit(cache=True, error_model="numpy")
-def _motion(coordinates: Array, velocities: Array, reference: Array) -> Motion:
+def _motion(coordinates: Array, velocities: Array, reference: Array) -> BodyMotion:
     node, rotation, turning = np.empty((9, 7)), np.empty((9, 3, 3)), np.empty((9, 3))
     rate = velocities.reshape(9, 7)
     for i in range(9):
@@ -167,11 +167,11 @@ def _motion(coordinates: Array, velocities: Array, reference: Array) -> Motion:
             node[i, k] = coordinates[7 * i + k] + reference[7 * i + k]
         rotation_matrix(node[i], rotation[i])
         angular_velocity(node[i], rate[i], turning[i])
-    return Motion(node, rate, rotation, turning)
+    return BodyMotion(node, rate, rotation, turning)
 
 
 @njit(cache=True, error_model="numpy")
-def _start_sums(p: Any, motion: Motion, out: Any) -> None:
+def _start_sums(p: Any, motion: BodyMotion, out: Any) -> None:
     """Set the sums over the wheels to zero, and compute the kinetic and the potential energy."""
     out.soil_power = 0.0
     out.damper_power = 0.0
@@ -192,15 +192,15 @@ def _start_sums(p: Any, motion: Motion, out: Any) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _water_on_hull(p: Any, motion: Motion, out: Any) -> None:
+def _water_on_hull(p: Any, motion: BodyMotion, out: Any) -> None:
     """Water on the hull, and the damping of its motion while the vehicle settles."""
     rotation, turning, rate = motion.rotation[0], motion.angular_velocity[0], motion.rate[0]
     for k in range(3):
         f = 0.0
         t = 0.0
         for j in range(3):
-            f += rotation[k, j] * out.water[0, j]
-            t += rotation[k, j] * out.water[0, 3 + j]
+            f += rotation[k, j] * out.water_wrench[0, j]
+            t += rotation[k, j] * out.water_wrench[0, 3 + j]
         out.water_power += f * rate[k] + t * turning[k]
         f_s = -p.settling_rate * p.body_mass[0] * rate[k]
         t_s = -p.settling_rate * p.body_inertia[0, k] * turning[k]
@@ -210,15 +210,15 @@ def _water_on_hull(p: Any, motion: Motion, out: Any) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _water_on_wheel(p: Any, motion: Motion, i: int, out: Any) -> None:
+def _water_on_wheel(p: Any, motion: BodyMotion, i: int, out: Any) -> None:
     """Water on wheel i and its upright, and the damping of their motion while the vehicle settles."""
     rotation, turning, rate = motion.rotation[1 + i], motion.angular_velocity[1 + i], motion.rate[1 + i]
     for k in range(3):
         f = 0.0
         t = 0.0
         for j in range(3):
-            f += rotation[k, j] * out.water[1 + i, j]
-            t += rotation[k, j] * out.water[1 + i, 3 + j]
+            f += rotation[k, j] * out.water_wrench[1 + i, j]
+            t += rotation[k, j] * out.water_wrench[1 + i, 3 + j]
         out.water_power += f * rate[k] + t * turning[k]
         f_s = -p.settling_rate * (p.body_mass[1 + i] + p.body_mass[5 + i]) * rate[k]
         out.settling_power += f_s * rate[k]
@@ -227,7 +227,7 @@ def _water_on_wheel(p: Any, motion: Motion, i: int, out: Any) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _suspension(p: Any, motion: Motion, i: int, out: Any) -> None:
+def _suspension(p: Any, motion: BodyMotion, i: int, out: Any) -> None:
     """Spring, damper and stops of wheel i, along the hull's z axis through the wheel centre."""
     arm, arm_velocity, lift, moment = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for k in range(3):
@@ -254,7 +254,7 @@ def _suspension(p: Any, motion: Motion, i: int, out: Any) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _soil(p: Any, heights: Array, motion: Motion, i: int, contact: np.ndarray, out: Any) -> None:
+def _soil(p: Any, heights: Array, motion: BodyMotion, i: int, contact: np.ndarray, out: Any) -> None:
     """Soil on wheel i; the moment about the axle acts on the wheel, the rest on the upright."""
     plane_rate, wheel_rate = motion.angular_velocity[1 + i], motion.angular_velocity[5 + i]
     velocity = motion.rate[1 + i]

@@ -1,7 +1,7 @@
 """Assembly of the vehicle as an Exudyn system: nine rigid bodies, their joints and the user loads on them.
 
 Joints are algebraic constraints. Steering and wheel spin are prescribed in time by kinematic constraints, which read a
-`PrescribedMotion`; every user load reads its row of the record `exumob.multibody.applied_loads.LOADS`.
+`DrivingCommand`; every user load reads its row of the record `exumob.multibody.applied_loads.LOADS`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ SPIN_FRAME = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]).T
 """Joint frame in wheel axes: its z axis is the wheel's y axis."""
 
 
-class PrescribedMotion:
+class DrivingCommand:
     """Steering angles of the front wheels and the wheel speed at one instant, as the constraints read them."""
 
     def __init__(self) -> None:
@@ -64,7 +64,7 @@ class Joints(NamedTuple):
     """Rotations of the four wheels about their axles, on velocity level"""
 
 
-def assemble(mbs: Any, vehicle: Vehicle, terrain: Terrain, prescribed: PrescribedMotion, loads: np.void) -> Joints:
+def assemble(mbs: Any, vehicle: Vehicle, terrain: Terrain, command: DrivingCommand, loads: np.void) -> Joints:
     """Build the vehicle at ride height on the terrain, and assemble the system.
 
     Parameters
@@ -74,7 +74,7 @@ def assemble(mbs: Any, vehicle: Vehicle, terrain: Terrain, prescribed: Prescribe
     vehicle : Vehicle
     terrain : Terrain
         The vehicle stands at the world's origin, its z axis along the terrain's normal there.
-    prescribed : PrescribedMotion
+    command : DrivingCommand
         Read by the steering and spin constraints while the system runs.
     loads : record of dtype `exumob.multibody.applied_loads.LOADS`
         Read by the user loads while the system runs.
@@ -95,8 +95,8 @@ def assemble(mbs: Any, vehicle: Vehicle, terrain: Terrain, prescribed: Prescribe
             joints.steering.append(
                 _prescribe_rotation(
                     mbs, ground, (hull, uprights[i]), [0.0, 0.0, 1.0],
-                    rate=(lambda *_, i=i: float(prescribed.rates[i])) if steered else (lambda *_: 0.0),
-                    angle=(lambda *_, i=i: prescribed.angles[i]) if steered else (lambda *_: 0.0),
+                    rate=(lambda *_, i=i: float(command.rates[i])) if steered else (lambda *_: 0.0),
+                    angle=(lambda *_, i=i: command.angles[i]) if steered else (lambda *_: 0.0),
                 )
             )  # fmt: skip
         markers = [
@@ -106,7 +106,7 @@ def assemble(mbs: Any, vehicle: Vehicle, terrain: Terrain, prescribed: Prescribe
         mbs.AddObject(ObjectJointRevoluteZ(markerNumbers=markers))
         joints.spin.append(
             _prescribe_rotation(
-                mbs, ground, (uprights[i], wheels[i]), [0.0, 1.0, 0.0], rate=lambda *_: prescribed.wheel_speed
+                mbs, ground, (uprights[i], wheels[i]), [0.0, 1.0, 0.0], rate=lambda *_: command.wheel_speed
             )
         )
     _apply_load(mbs, hull, loads["hull_force"], loads["hull_torque"])

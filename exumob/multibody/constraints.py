@@ -1,6 +1,6 @@
-"""The constraints of an assembled Exudyn system apart: residuals, reactions, projection on their manifold.
+"""The constraints of an assembled Exudyn system: residuals, reactions, and projection on their manifold.
 
-Exudyn's time integrator keeps these to itself; a second solver object in dense mode, on the same system, gives them.
+Exudyn's time integrator does not give these out; a second solver object in dense mode, on the same system, does.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Constraints:
     Parameters
     ----------
     mbs : exudyn.MainSystem
-        Assembled. Making this object resets its state to the initial configuration.
+        Assembled system. Making this object resets its state to the initial configuration.
     coordinates, velocities, multipliers : array
         Live views of the system's state, shapes (63,), (63,) and (constraints,).
     reference : array, shape (63,)
@@ -53,7 +53,7 @@ class Constraints:
         self._velocity_level[spin_rows] = True
 
     def residual(self, velocity_level: bool) -> Array:
-        """C or, on velocity level, dC/dt; shape (constraints,)."""
+        """Return the residual C or, on velocity level, dC/dt; shape (constraints,)."""
         self._solver.ComputeAlgebraicEquations(self._mbs, velocity_level)
         return np.array(self._solver.GetSystemResidual())[len(self._q) :]
 
@@ -64,20 +64,20 @@ class Constraints:
         return np.array(self._solver.GetSystemJacobian())[len(self._q) :, : len(self._q)]
 
     def jacobian(self) -> Array:
-        """dC/dq of position-level rows and dC/dv of velocity-level rows, shape (constraints, 63)."""
+        """Return dC/dq of position-level rows and dC/dv of velocity-level rows, shape (constraints, 63)."""
         position, velocity = self._derivative(1.0, 0.0), self._derivative(0.0, 1.0)
         return np.where(self._velocity_level[:, None], velocity, position)
 
     def errors(self) -> tuple[float, float]:
-        """Largest residual of the position-level [m or rad] and the velocity-level [rad/s] constraints."""
+        """Return the largest residual of the position-level [m or rad] and the velocity-level [rad/s] constraints."""
         residual = np.abs(self.residual(False))
         return float(residual[~self._velocity_level].max()), float(residual[self._velocity_level].max())
 
     def wrenches(self) -> Array:
-        """Forces and moments of all constraints on the nine bodies, world axes, about each origin, shape (9, 6).
+        """Return the wrenches of all constraints on the nine bodies, shape (9, 6).
 
-        From the Lagrange multipliers: Q = -C_q^T lambda (paper Eq. 6); torque = G(e) Q_e / 2. The multiplier of a spin
-        constraint is a torque about the wheel's axis.
+        Force [N] and moment about the body's origin [N m], world axes, from the Lagrange multipliers (paper Eq. 6):
+        Q = -C_q^T lambda; torque = G(e) Q_e / 2. The multiplier of a spin constraint is a torque about the axle.
         """
         multipliers = np.array(self._multipliers)
         spin_torque = -multipliers[self._spin_rows]

@@ -26,7 +26,7 @@ def relax(
     vehicle: Vehicle,
     parameters: np.void,
     loads: np.void,
-    water_load: Callable[[BodyStates], Array],
+    water_wrenches: Callable[[BodyStates], Array],
     advance: Callable[[float], BodyStates],
     present: BodyStates,
     limit: float,
@@ -39,7 +39,7 @@ def relax(
     parameters : record of dtype `exumob.multibody.applied_loads.LOAD_PARAMETERS`
         Its standstill and settling rate are changed meanwhile, and as before in the end.
     loads : record of dtype `exumob.multibody.applied_loads.LOADS`
-    water_load : callable
+    water_wrenches : callable
         Wrenches of the water for given states, shape (5, 6), asked for every `SETTLING_STEP`.
     advance : callable
         Integrates to a time [s] and returns the states reached.
@@ -64,7 +64,7 @@ def relax(
     try:
         for n in range(round(limit / SETTLING_STEP)):
             parameters["standstill_rate"], parameters["settling_rate"], target = stages[0]
-            loads["water"] = water_load(present)
+            loads["water_wrench"] = water_wrenches(present)
             present = advance((n + 1) * SETTLING_STEP)
             acceleration = max(np.abs(present.acceleration).max(), 0.1 * np.abs(present.angular_acceleration).max())
             if acceleration < target * parameters["gravity"] and n * SETTLING_STEP > 0.2:

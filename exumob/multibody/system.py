@@ -17,7 +17,7 @@ from exumob.driving.maneuver import Driver, FeedbackManeuver, Maneuver
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.multibody.applied_loads import LOADS, pack_parameters, vehicle_loads
-from exumob.multibody.assembly import PrescribedMotion, assemble
+from exumob.multibody.assembly import DrivingCommand, assemble
 from exumob.multibody.constraints import Constraints
 from exumob.multibody.energy_account import ENERGY_ACCOUNT, add_work
 from exumob.multibody.recorder import Recorder, SystemState
@@ -94,13 +94,13 @@ class MultibodyVehicle:
         self.loads = np.zeros(1, LOADS)
         self.energy_account = np.zeros(1, ENERGY_ACCOUNT)
         self._heights = terrain.as_arrays()[1]
-        self._prescribed = PrescribedMotion()
+        self._command = DrivingCommand()
         self._driving = False  # until the vehicle has settled: wheels locked, steering as at time 0
-        self._changing_water: tuple[Array, Array, float] | None = None  # mean, rate and middle of a macro step
+        self._changing_wrench: tuple[Array, Array, float] | None = None  # mean, rate and middle of a macro step
 
         self._container = exu.SystemContainer()
         self.mbs = self._container.AddSystem()
-        joints = assemble(self.mbs, vehicle, terrain, self._prescribed, self.loads[0])
+        joints = assemble(self.mbs, vehicle, terrain, self._command, self.loads[0])
         data = self.mbs.systemData
         self._q = data.GetODE2Coordinates(copy=False)  # live views
         self._v = data.GetODE2Coordinates_t(copy=False)
@@ -117,12 +117,12 @@ class MultibodyVehicle:
 
     # -- running -----------------------------------------------------------------------------------------------------
 
-    def settle(self, water_load: Callable[[BodyStates], Array], limit: float = 20.0) -> None:
+    def settle(self, water_wrenches: Callable[[BodyStates], Array], limit: float = 20.0) -> None:
         """Find the static equilibrium (`exumob.multibody.settling`), and make it the state at time 0.
 
         Parameters
         ----------
-        water_load : callable
+        water_wrenches : callable
             Wrenches of the water for the present states, shape (5, 6), asked for every `SETTLING_STEP`.
         limit : float
             Give up after this simulated time [s].
@@ -141,7 +141,7 @@ class MultibodyVehicle:
 
         self._start(settings, driving=False)
         try:
-            relax(self.vehicle, self.parameters[0], self.loads[0], water_load, advance, self.present(), limit)
+            relax(self.vehicle, self.parameters[0], self.loads[0], water_wrenches, advance, self.present(), limit)
         finally:
             self._solver.FinalizeSolver(self.mbs, settings)
         data = self.mbs.systemData
@@ -178,7 +178,7 @@ class MultibodyVehicle:
         driver = self._driver or self.maneuver
         left, right = self.vehicle.steering_angles(driver.steering(time if self._driving else 0.0))
         speed = driver.wheel_speed(time)[0] if self._driving else 0.0
-        self._prescribed.set(left, right, speed)
+        self._command.set(left, right, speed)
 
     def _evaluate(self, time: float) -> None:
         self._prescribe(time)
@@ -187,9 +187,9 @@ class MultibodyVehicle:
     def _before_residual(self, mbs: Any, time: float, newton_iteration: int, discontinuous_iteration: int) -> None:
         if newton_iteration == 0:
             self._prescribe(time)
-            if self._changing_water is not None:
-                mean, rate, middle = self._changing_water
-                self.loads[0]["water"] = mean + (time - middle) * rate
+            if self._changing_wrench is not None:
+                mean, rate, middle = self._changing_wrench
+                self.loads[0]["water_wrench"] = mean + (time - middle) * rate
         vehicle_loads(self.parameters, self._heights, self._q, self._v, self._reference, self.loads)
 
     def _load_jacobian(
@@ -206,7 +206,7 @@ class MultibodyVehicle:
 
     def _account(self, time: float) -> float:
         return add_work(
-            time, self.loads, self._multipliers, self._steering_rows, self._spin_rows, self._prescribed.rates,
+            time, self.loads, self._multipliers, self._steering_rows, self._spin_rows, self._command.rates,
             self.energy_account,
         )  # fmt: skip
 
@@ -234,7 +234,7 @@ class MultibodyVehicle:
             loads=self.loads[0],
             energy_account=self.energy_account[0],
             spin_torque=-np.array(self._multipliers)[self._spin_rows],
-            steering=self._prescribed.angles,
+            steering=self._command.angles,
             constraint_wrench=self.constraint_wrenches(),
             constraint_error=self.constraint_errors(),
         )
@@ -270,13 +270,13 @@ class MultibodyVehicle:
         SimulationError
             If a wheel sinks to its centre, the motion is not finite or the integration does not converge.
         """
-        self.loads[0]["water"] = water
+        self.loads[0]["water_wrench"] = water
         middle = 0.5 * (self.time + end_time)
-        self._changing_water = None if rate is None else (np.array(water), np.array(rate), middle)
+        self._changing_wrench = None if rate is None else (np.array(water), np.array(rate), middle)
         try:
             self._advance(self._settings, end_time)
         finally:
-            self._changing_water = None
+            self._changing_wrench = None
 
     # -- state -------------------------------------------------------------------------------------------------------
 

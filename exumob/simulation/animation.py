@@ -14,6 +14,7 @@ from matplotlib.patches import Circle, Polygon
 
 from exumob.simulation.plotting import _parameters, draw_current, plot_path, scenario_name, vehicle_outlines
 from exumob.support.figures import BODY_COLOR, SOIL_COLOR, STYLE, WATER_COLOR
+from exumob.vehicle.parameters import Hull
 
 
 def animate_run(dataset: xr.Dataset, file: str | Path, frames_per_second: int = 12) -> None:
@@ -53,8 +54,8 @@ class _Scene:
     def __init__(self, top: Axes, side: Axes, dataset: xr.Dataset) -> None:
         self.data, self.top, self.side = dataset, top, side
         vehicle, water = _parameters(dataset, "vehicle"), _parameters(dataset, "water")
-        self.hull, self.radius = vehicle["hull"], 0.5 * vehicle["wheel"]["diameter"]
-        size = self.hull["length"]
+        self.hull, self.radius = Hull(**vehicle["hull"]), 0.5 * vehicle["wheel"]["diameter"]
+        size = self.hull.length
         plot_path(top, dataset, every=0.0)
         draw_current(top, dataset)
         top.margins(x=0.12)
@@ -65,7 +66,7 @@ class _Scene:
             top.add_patch(patch)
             patch.set_facecolor("C0" if k == 0 else BODY_COLOR)
         depth = water.get("depth", 0.0)
-        ceiling = 1.3 * (self.hull["ground_clearance"] + self.hull["height"])
+        ceiling = 1.3 * (self.hull.ground_clearance + self.hull.height)
         side.axhspan(-1.0, 0.0, color=SOIL_COLOR, zorder=0)
         if depth:
             side.axhspan(0.0, depth, color=WATER_COLOR, alpha=0.35, zorder=4)
@@ -90,12 +91,7 @@ class _Scene:
         yaw, pitch = (float(data[name].values[index, 0]) for name in ("yaw", "pitch"))
         heading = np.array([np.cos(yaw), np.sin(yaw)])
         origin = data["position"].values[index, 0]
-        keel = hull["ground_clearance"] - hull["center_of_mass_height"]
-        deck = keel + hull["height"]
-        middle, half = hull["center_x"] - hull["center_of_mass_x"], 0.5 * hull["length"]
-        stern, stem = middle - half, middle + half
-        keel_end, bow = stem - hull["bow_length"], keel + hull["bow_height"]
-        profile = np.array([[stern, keel], [keel_end, keel], [stem, bow], [stem, deck], [stern, deck]])
+        profile = hull.side_profile() - [hull.center_of_mass_x, hull.center_of_mass_height]
         c, s = np.cos(pitch), np.sin(pitch)
         self.profile.set_xy(profile @ np.array([[c, -s], [s, c]]) + [0.0, origin[2]])
         for k in range(4):

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import os
 import time
 import zipfile
 from collections.abc import Iterator
@@ -24,7 +23,7 @@ import numpy as np
 from exumob.coupling.schemes import Coupling
 from exumob.multibody.system import MultibodyVehicle, SavedState
 from exumob.simulation.description import RunDescription
-from exumob.support.files import PACKAGE
+from exumob.support.files import PACKAGE, atomic_write
 from exumob.support.provenance import parameters_json, versions
 from exumob.vehicle.motion import HISTORY_STEP
 from exumob.water.hydrodynamics import Hydrodynamics
@@ -182,15 +181,8 @@ def write(file: Path, step: int, tree: dict[str, Any], fingerprint: Fingerprint,
     """Write a tree of dicts, lists, arrays, numbers and text, whole or not at all; `elapsed` [s] is what it took."""
     arrays: dict[str, np.ndarray] = {}
     head = {"step": step, "fingerprint": fingerprint.parts, "elapsed": elapsed, "tree": _taken_apart(tree, "", arrays)}
-    partial = file.with_name(f".{file.name}.partial")
-    try:
-        with partial.open("wb") as stream:
-            np.savez(stream, allow_pickle=False, **{HEAD: np.array(json.dumps(head))}, **arrays)
-            stream.flush()
-            os.fsync(stream.fileno())
-        partial.replace(file)
-    finally:
-        partial.unlink(missing_ok=True)
+    with atomic_write(file) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, allow_pickle=False, **{HEAD: np.array(json.dumps(head))}, **arrays)
 
 
 def read(file: Path) -> tuple[int, dict[str, Any]]:

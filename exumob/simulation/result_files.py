@@ -11,6 +11,8 @@ from pathlib import Path
 
 import xarray as xr
 
+from exumob.support.files import atomic_write
+
 logger = logging.getLogger(__name__)
 
 
@@ -50,12 +52,8 @@ def _write(dataset: xr.Dataset, path: Path) -> Path:
         raise OSError(errno.ENOENT, f"folder {path.parent} does not exist")
     packed = {name: {"zlib": True, "complevel": 4} for name, v in dataset.data_vars.items() if v.dtype.kind == "f"}
     data = dataset.to_netcdf(engine="h5netcdf", encoding=packed)  # in memory: HDF5 on a full disk takes Python down
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        partial.write_bytes(data)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(data)
     return path
 
 

@@ -120,7 +120,7 @@ def build_dataset(
         "keel_clearance": _keel_clearance(vehicle, run.terrain, states),
         "suspension_stroke": loads["stroke"],
         "flow_state": flow_states(states, water),
-        "water_wrench": loads["water"],
+        "water_wrench": loads["water_wrench"],
         **_force_balance(records, states, masses),
         "mass": masses,
         "work": records["energy_account"]["work"],
@@ -185,7 +185,7 @@ def _force_balance(records: np.ndarray, states: BodyStates, masses: Array) -> di
     shape = states.position.shape
     soil, gravity, suspension, constraint = (np.zeros(shape) for _ in range(4))
     soil[:, 1:] = loads["soil_force"]
-    water = np.einsum("nbij,nbj->nbi", states.rotation, loads["water"][..., :3])
+    water = np.einsum("nbij,nbj->nbi", states.rotation, loads["water_wrench"][..., :3])
     gravity[:, :, 2] = -GRAVITY * masses
     spring = loads["suspension_force"][..., None] * states.rotation[:, 0, None, :, 2]
     suspension[:, 0], suspension[:, 1:] = spring.sum(axis=1), -spring

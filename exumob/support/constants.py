@@ -1,4 +1,4 @@
 """Physical constants."""
 
 GRAVITY = 9.81
-"""Standard gravity used everywhere [m/s^2]; acts along -z of the world."""
+"""Acceleration of gravity [m/s^2], the same everywhere in the package; it acts along -z of the world."""

@@ -1,4 +1,4 @@
-"""What a broken or stopped run raises; either keeps what was computed."""
+"""Errors of runs that broke down or were stopped; both keep what was computed until then."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import xarray as xr
 
 
 class SimulationError(RuntimeError):
-    """A run could not go on: the message says when, why and what to do."""
+    """A run could not go on; the message says when, why and what to do."""
 
     def __init__(self, message: str = "", *, cause: str = "") -> None:
         """Say what happened; `cause` is for programs, see below."""
@@ -16,15 +16,16 @@ class SimulationError(RuntimeError):
         self.cause = cause
 
     result: xr.Dataset | None = None
-    """What was computed until then, if anything was."""
+    """The run until then, if anything of it was computed"""
     state: dict[str, Any] | None = None
-    """Of the flow solver before the step that failed, for `exumob.flow.FlowSolver.restore`."""
+    """State of the flow solver before the step that failed, for `exumob.flow.FlowSolver.restore`"""
     cause: str
-    """``"sunk"``: a wheel to its centre; ``"afloat"``, ``"swept away"``: the vehicle cannot even stand; else empty."""
+    """``"sunk"`` if a wheel sank to its centre; ``"afloat"`` or ``"swept away"`` if the vehicle cannot even stand; else
+    empty"""
 
 
 class SimulationInterrupted(KeyboardInterrupt):
-    """Ctrl-C during a run."""
+    """Ctrl-C was pressed during a run."""
 
     def __init__(self, time: float, result: xr.Dataset) -> None:
         """Keep the time reached [s] and what was computed until then."""

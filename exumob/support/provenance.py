@@ -1,4 +1,4 @@
-"""Where a result comes from: versions, git revision, date, and all parameters as one JSON text."""
+"""The provenance of a result: versions, git revision, date, and all parameters as one JSON text."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from exumob.support.files import PACKAGE
 
 
 def provenance() -> dict[str, str]:
-    """Versions, git revision and date of this computation."""
+    """Return the versions, the git revision and the date of this computation."""
     try:
         version = metadata.version("exumob")
     except metadata.PackageNotFoundError:
@@ -33,12 +33,12 @@ def provenance() -> dict[str, str]:
 
 
 def versions() -> dict[str, str]:
-    """Of the packages on which the bits of a result depend."""
+    """Return the versions of the packages on which the bits of a result depend."""
     return {name: metadata.version(name) for name in ("exudyn", "numpy", "scipy", "numba")}
 
 
 def parameters_json(parameters: dict[str, Any]) -> str:
-    """All parameters of a run as one JSON text.
+    """Return all parameters of a run as one JSON text.
 
     Dataclasses and objects with a dict `parameters` become ``{class name: fields}``, arrays lists, other objects the
     name of their class.
@@ -58,7 +58,7 @@ def _git_revision() -> str:
 
 
 def _plain(value: Any) -> Any:
-    """What `json` cannot write, as something that it can."""
+    """Turn what `json` cannot write into something that it can."""
     if isinstance(parameters := getattr(value, "parameters", None), dict):
         return {type(value).__name__: parameters}
     if is_dataclass(value) and not isinstance(value, type):

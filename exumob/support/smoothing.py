@@ -9,12 +9,12 @@ from exumob.support.arrays import Array
 from exumob.support.checks import require_positive
 
 WINDOW = 0.015
-"""Default window [s]: between the 10 and 20 ms that leave the loads of a vehicle their physics (waves at its bow last
-0.1 s and more) and take the steps of a surface that crosses cells."""
+"""Default window [s]. Windows of 10 to 20 ms keep the physics of a vehicle's loads (waves at its bow last 0.1 s and
+more) and remove the steps that arise when the computed surface crosses cells."""
 
 
 def smoothed(values: ArrayLike, interval: float, window: float = WINDOW) -> Array:
-    """Centred moving average along the first axis, which shifts no phase.
+    """Return the centred moving average along the first axis; it shifts no phase.
 
     Towards both ends the window shrinks evenly on either side: no value is repeated or invented, and a straight line
     stays one up to its ends.
@@ -24,7 +24,7 @@ def smoothed(values: ArrayLike, interval: float, window: float = WINDOW) -> Arra
     values : array-like, shape (n, ...)
         Samples at equal intervals, all finite.
     interval : float
-        Between the samples [s].
+        Time between two samples [s].
     window : float
         Length of the average [s], rounded to an odd number of samples (`window_samples`).
 
@@ -42,6 +42,6 @@ def smoothed(values: ArrayLike, interval: float, window: float = WINDOW) -> Arra
 
 
 def window_samples(interval: float, window: float = WINDOW) -> int:
-    """Odd number of samples nearest to a window [s], at least 1."""
+    """Return the odd number of samples nearest to a window [s], at least 1."""
     require_positive("smoothed", interval=interval, window=window)
     return 2 * max(round(0.5 * (window / interval - 1.0)), 0) + 1

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
 from exumob.support.checks import require_within
+from exumob.support.files import atomic_write
 from exumob.surrogates.inputs import INPUTS, PAPER_INPUTS
 from exumob.vehicle.motion import BODIES, HISTORY_STEP, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
@@ -140,12 +141,8 @@ class NetworkSet:
         path = Path(file)
         tensors = {name: np.array(a, order="C") for name, a in self.arrays.items()}
         data = save(tensors, {"exumob": json.dumps(header)})
-        partial = path.with_name(f".{path.name}.partial")
-        try:
-            partial.write_bytes(data)
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
+        with atomic_write(path) as temporary:
+            temporary.write_bytes(data)
         return path
 
     @classmethod

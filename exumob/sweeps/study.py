@@ -35,7 +35,7 @@ import numpy as np
 
 from exumob.sweeps.experiment import Experiment, amphibious_lane_change
 from exumob.sweeps.sampling import DISTRIBUTIONS, Case, Choice, Distribution, grid, sample
-from exumob.vehicle.parameters import load_vehicle
+from exumob.vehicle.vehicle_file import load_vehicle
 
 SECTIONS = ("base", "vary", "sample")
 """Tables of a study file."""

@@ -13,6 +13,7 @@ from exumob.flow.solids import Solid, vehicle_solids
 from exumob.flow.tread import Tread
 from exumob.support.arrays import Array
 from exumob.support.checks import require_positive
+from exumob.support.rotations import about_z
 from exumob.towing_tank.motion import PrescribedMotion
 from exumob.vehicle.motion import BODIES, WHEELS
 from exumob.vehicle.parameters import Vehicle
@@ -138,8 +139,7 @@ def _gap(vehicle: Vehicle, hull: Solid, wheel: Solid, angle: float, k: int) -> f
     rings += [(part * (radius - edge), half) for part in (0.5, 0.0)]
     rings += [(r, -y) for r, y in rings]
     points = np.array([[r * math.cos(a), y, r * math.sin(a)] for r, y in rings for a in around])
-    c, s = math.cos(angle), math.sin(angle)
-    turned = points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    turned = points @ about_z(angle).T
     return float(hull.distance(turned + vehicle.wheel_centers[k] - vehicle.hull_origin).min())
 
 

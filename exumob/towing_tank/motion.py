@@ -17,6 +17,7 @@ from exumob.driving.maneuver import Maneuver, smooth_step
 from exumob.flow.solids import Poses
 from exumob.support.arrays import Array
 from exumob.support.checks import require_finite, require_positive, require_within
+from exumob.support.rotations import about_y, about_z
 from exumob.vehicle.parameters import Motion, Vehicle
 from exumob.water.conditions import Water
 
@@ -114,7 +115,7 @@ class CaptiveMotion:
         heading, yaw_rate = self.heading(time)
         rise, rise_rate = self._oscillation(self.heave_amplitude, time)
         tilt, tilt_rate = self._oscillation(self.pitch_amplitude, time)
-        turn = _about_z(heading)
+        turn = about_z(heading)
         hull = np.array([*place, vehicle.hull.center_of_mass_height])
         arms = (vehicle.wheel_centers - vehicle.hull_origin) @ turn.T
         moving, turning = np.array([*velocity, 0.0]), np.array([0.0, 0.0, yaw_rate])
@@ -122,7 +123,7 @@ class CaptiveMotion:
         angles, rates = np.array([left[0], right[0], 0.0, 0.0]), np.array([left[1], right[1], 0.0, 0.0])
 
         position = np.vstack([hull + np.array([0.0, 0.0, self.heave + rise]), hull + arms])
-        rotation = np.array([turn @ _about_y(self.pitch + tilt), *(turn @ _about_z(angle) for angle in angles)])
+        rotation = np.array([turn @ about_y(self.pitch + tilt), *(turn @ about_z(angle) for angle in angles)])
         velocities = np.vstack([moving + np.array([0.0, 0.0, rise_rate]), moving + np.cross(turning, arms)])
         angular = np.tile(turning, (5, 1))
         angular[0] += tilt_rate * turn[:, 1]
@@ -199,13 +200,3 @@ class CaptiveMotion:
         if self.driver is not None:
             return self.driver.wheel_speed(time)[0]
         return self.wheel_speed * self._share(time)[0]
-
-
-def _about_z(angle: float) -> Array:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _about_y(angle: float) -> Array:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])

@@ -1,4 +1,4 @@
-"""Motion of the five bodies: what the multibody solver reports and every water model reads."""
+"""Motion of the five bodies, as the multibody solver reports it and every water model reads it."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ class BodyStates:
     """
 
     time: Array
-    """[s], shape (n,), increasing."""
+    """Instants [s], shape (n,), increasing."""
     position: Array
-    """Origin of each body frame, world axes [m], shape (n, 5, 3)."""
+    """Position of the origin of each body frame, world axes [m], shape (n, 5, 3)."""
     rotation: Array
     """Rotation matrices body -> world, shape (n, 5, 3, 3)."""
     velocity: Array
-    """Of the origin, world axes [m/s], shape (n, 5, 3)."""
+    """Velocity of the origin, world axes [m/s], shape (n, 5, 3)."""
     angular_velocity: Array
-    """World axes [rad/s], shape (n, 5, 3)."""
+    """Angular velocity of the body frame, world axes [rad/s], shape (n, 5, 3)."""
     acceleration: Array
-    """Of the origin, world axes [m/s^2], shape (n, 5, 3)."""
+    """Acceleration of the origin, world axes [m/s^2], shape (n, 5, 3)."""
     angular_acceleration: Array
-    """World axes [rad/s^2], shape (n, 5, 3)."""
+    """Angular acceleration of the body frame, world axes [rad/s^2], shape (n, 5, 3)."""
     wheel_speed: Array
     """Spin of each wheel about its own +y axis (positive rolls forward) [rad/s], shape (n, 4)."""
 
@@ -55,7 +55,7 @@ class BodyStates:
 
 
 def quaternions(rotation: Array) -> Array:
-    """Unit quaternions (w, x, y, z), w >= 0, of rotation matrices; shape (..., 3, 3) -> (..., 4)."""
+    """Convert rotation matrices to unit quaternions (w, x, y, z), w >= 0; shape (..., 3, 3) -> (..., 4)."""
     from scipy.spatial.transform import Rotation
 
     q = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat(canonical=True, scalar_first=True)

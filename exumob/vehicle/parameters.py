@@ -6,8 +6,6 @@ touching hard ground at the static ride height. SI units and radians. Vehicle fi
 
 from __future__ import annotations
 
-import importlib.util
-import inspect
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,7 +31,7 @@ class Hull:
     mass: float
     """[kg]"""
     length: float
-    """Over all [m]"""
+    """Length over all [m]"""
     width: float
     """[m]"""
     height: float
@@ -41,9 +39,9 @@ class Hull:
     ground_clearance: float
     """Keel above hard ground [m]"""
     center_of_mass_height: float
-    """Above hard ground [m]"""
+    """Centre of mass above hard ground [m]"""
     center_of_mass_x: float = 0.0
-    """Ahead of mid wheelbase [m]"""
+    """Centre of mass ahead of mid wheelbase [m]"""
     center_x: float = 0.0
     """Middle of the hull's length ahead of mid wheelbase [m]"""
     bow_length: float = 0.0
@@ -76,10 +74,24 @@ class Hull:
 
     @property
     def inertia_tensor(self) -> Array:
-        """About the centre of mass, hull axes [kg m^2], shape (3, 3)."""
+        """Inertia tensor about the centre of mass, hull axes [kg m^2], shape (3, 3)."""
         if self.inertia is not None:
             return np.diag(np.array(self.inertia, dtype=float))
         return box_inertia(self.mass, self.length, self.width, self.height)
+
+    def side_profile(self) -> Array:
+        """Return the outline of the raked box from starboard: corners (x, z) in the design frame [m], shape (n, 2).
+
+        Counter-clockwise with x to the right and z up, from the stern's keel; three to five corners, no two in a row
+        equal.
+        """
+        stern, bow = self.center_x - 0.5 * self.length, self.center_x + 0.5 * self.length
+        keel, deck = self.ground_clearance, self.ground_clearance + self.height
+        corners = np.array(
+            [[stern, keel], [bow - self.bow_length, keel], [bow, keel + self.bow_height], [bow, deck], [stern, deck]]
+        )
+        apart = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1) > 0.0
+        return np.asarray(corners[apart])
 
 
 @dataclass(frozen=True)
@@ -107,12 +119,12 @@ class Wheel:
 
     @property
     def radius(self) -> float:
-        """[m]"""
+        """Half the diameter [m]."""
         return 0.5 * self.diameter
 
     @property
     def inertia_tensor(self) -> Array:
-        """About the centre, wheel axes (y is the spin axis) [kg m^2], shape (3, 3)."""
+        """Inertia tensor about the centre, wheel axes (y is the spin axis) [kg m^2], shape (3, 3)."""
         if self.inertia is not None:
             spin, transverse = self.inertia
         else:
@@ -160,19 +172,19 @@ class Suspension:
     """
 
     stiffness: float
-    """[N/m]"""
+    """Rate of the spring [N/m]"""
     damping: float
-    """[N s/m]"""
+    """Rate of the damper [N s/m]"""
     upright_mass: float
     """[kg]"""
     upright_size: float
     """Edge of the cube whose inertia the upright has [m]"""
     bump_travel: float
-    """From ride height to the bump stop [m]"""
+    """Travel from ride height to the bump stop [m]"""
     rebound_travel: float
-    """From ride height to the rebound stop [m]"""
+    """Travel from ride height to the rebound stop [m]"""
     stop_stiffness: float
-    """Of either stop [N/m]"""
+    """Stiffness of either stop [N/m]"""
     stop_softening: float = 2.0e-3
     """Compression over which a stop's stiffness builds up [m]"""
     wishbones: Wishbones | None = None
@@ -187,7 +199,7 @@ class Suspension:
 
     @property
     def upright_inertia_tensor(self) -> Array:
-        """About the wheel centre, upright axes [kg m^2], shape (3, 3)."""
+        """Inertia tensor of the upright about the wheel centre, upright axes [kg m^2], shape (3, 3)."""
         return box_inertia(self.upright_mass, self.upright_size, self.upright_size, self.upright_size)
 
 
@@ -214,11 +226,11 @@ class Vehicle:
     hull: Hull
     wheel: Wheel
     suspension: Suspension
-    """Of the front wheels, and of the rear ones unless `rear_suspension` is given"""
+    """Suspension of the front wheels, and of the rear ones unless `rear_suspension` is given"""
     wheelbase: float
-    """[m]"""
+    """Distance between the axles [m]"""
     track: float
-    """Centre to centre of the tyres [m]"""
+    """Distance between the middles of the left and the right tyre [m]"""
     steering: Steering = Steering()
     rear_suspension: Suspension | None = None
 
@@ -239,12 +251,12 @@ class Vehicle:
 
     @property
     def mass(self) -> float:
-        """Total [kg]."""
+        """Total mass [kg]."""
         return self.hull.mass + 4.0 * self.wheel.mass + sum(2.0 * s.upright_mass for s in self.axle_suspensions)
 
     @property
     def axle_suspensions(self) -> tuple[Suspension, Suspension]:
-        """Suspensions of the front and of the rear wheels."""
+        """Suspensions of the front and of the rear axle."""
         return self.suspension, self.rear_suspension or self.suspension
 
     @property
@@ -264,7 +276,7 @@ class Vehicle:
         return np.array([[x, y, z], [x, -y, z], [-x, y, z], [-x, -y, z]])
 
     def steering_angles(self, command: Motion) -> tuple[Motion, Motion]:
-        """Angles of the front-left and front-right wheel for a command and its time derivatives.
+        """Return the angles of the front-left and front-right wheel for a command, with their time derivatives.
 
         Parameters
         ----------
@@ -294,45 +306,6 @@ def _ackermann(command: Motion, ratio: float) -> Motion:
 
 
 def box_inertia(mass: float, length: float, width: float, height: float) -> Array:
-    """Inertia tensor of a uniform box about its centre [kg m^2], shape (3, 3)."""
+    """Return the inertia tensor of a uniform box about its centre [kg m^2], shape (3, 3)."""
     x2, y2, z2 = length**2, width**2, height**2
     return mass / 12.0 * np.diag([y2 + z2, x2 + z2, x2 + y2])
-
-
-def load_vehicle(file: str | Path) -> Vehicle:
-    """Load a vehicle file: a Python file with one function that takes no argument and returns a `Vehicle`.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If the file does not hold exactly one such function.
-    """
-    path = Path(file)
-    if not path.is_file():
-        raise FileNotFoundError(f"vehicle file {path} does not exist; vehicle_models/ holds examples.")
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    if spec is None or spec.loader is None:
-        raise ValueError(f"vehicle file {path} is not a Python file; its name must end in .py.")
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except (SyntaxError, ImportError, NameError, TypeError) as error:
-        raise ValueError(f"vehicle file {path} cannot be run: {type(error).__name__}: {error}; mend it.") from error
-    makers = [
-        value
-        for name, value in vars(module).items()
-        if callable(value) and getattr(value, "__module__", None) == path.stem and not name.startswith("_")
-    ]
-    if len(makers) != 1:
-        raise ValueError(f"vehicle file {path} defines {len(makers)} public functions; it must define exactly one.")
-    if any(p.default is p.empty for p in inspect.signature(makers[0]).parameters.values()):
-        raise ValueError(f"{path}: {makers[0].__name__} takes arguments; it must need none.")
-    try:
-        vehicle = makers[0]()
-    except TypeError as error:  # a misspelt or missing field
-        raise ValueError(f"vehicle file {path}: {error}; exumob/vehicle/parameters.py lists the fields.") from error
-    if not isinstance(vehicle, Vehicle):
-        raise ValueError(f"{path}: {makers[0].__name__}() returned {type(vehicle).__name__}; it must return a Vehicle.")
-    return vehicle

@@ -20,9 +20,10 @@ from exumob.flow.grid import HALO
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.rotations import about_z
 from exumob.verification import Case, Check, absolute, relative, reported
 from exumob.verification.bodies import one_pose
-from exumob.verification.frames import SETTINGS, heading, steady_motion
+from exumob.verification.frames import SETTINGS, steady_motion
 from exumob.verification.initial import TANK, centers, filled_to
 from exumob.water.conditions import Water
 
@@ -116,7 +117,7 @@ def current_along() -> list[Check]:
     solver.start(pose(0.0))
     for n in range(60):
         solver.advance(0.005 * (n + 1), pose(0.005 * (n + 1)))
-    far, h, o = heading(solver.frame[2]).T @ water.velocity, HALO, solver.area_fractions
+    far, h, o = about_z(solver.frame[2]).T @ water.velocity, HALO, solver.area_fractions
     apart = 0.0
     for q, f, b in zip(solver.velocity, far, (o.bx, o.by, o.bz), strict=True):
         counts = (b[h:-h, h:-h, h:-h] > 0.0) & (centers(grid.z_faces) < water.depth)[:, None]

@@ -16,6 +16,7 @@ import numpy as np
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, Solid, box, cylinder, sphere
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.rotations import about_z
 from exumob.verification import Case, Check, absolute, at_least, relative, reported
 from exumob.water.conditions import Water
 
@@ -24,17 +25,11 @@ PLACES = ((0.0, 0.0, 0.0), (0.25, 0.1, 0.3), (0.5, 0.0, 0.0), (0.5, 0.5, 0.5))
 TANK = FlowSettings(follow=None, far_x=False, far_y=False)
 
 
-def heading(yaw: float) -> Array:
-    """Rotation about z by `yaw` [rad], shape (3, 3)."""
-    c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
 def one_pose(position: Sequence[float] | Array, velocity: Sequence[float] | Array, yaw: float = 0.0,
              yaw_rate: float = 0.0) -> Poses:  # fmt: skip
     """Pose of a single solid; position [m], velocity [m/s], yaw [rad], yaw rate [rad/s]."""
     return Poses(
-        np.array([position], dtype=float), heading(yaw)[None], np.array([velocity], dtype=float),
+        np.array([position], dtype=float), about_z(yaw)[None], np.array([velocity], dtype=float),
         np.array([[0.0, 0.0, yaw_rate]]), np.zeros(1),
     )  # fmt: skip
 

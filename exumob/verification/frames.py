@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -10,6 +9,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, sphere
 from exumob.support.arrays import Array
+from exumob.support.rotations import about_z
 from exumob.verification import Case, Check, absolute, at_least, reported
 from exumob.verification.basins import hump
 from exumob.verification.initial import centers, filled_to, fitted_order
@@ -21,19 +21,13 @@ SETTINGS = FlowSettings(follow=0, absorbing_width=0.3, closure=None, viscosity=0
 """The grid follows a small sphere in the air, which touches no water."""
 
 
-def heading(yaw: float) -> Array:
-    """Rotation about z by `yaw` [rad]."""
-    c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
 def steady_motion(speed: Sequence[float] | Array, yaw_rate: float, height: float) -> Callable[[float], Poses]:
     """Poses of one sphere at `height` [m] that moves at speed (x, y) [m/s] and yaws [rad/s]."""
 
     def pose(t: float) -> Poses:
         position = np.array([[speed[0] * t, speed[1] * t, height]])
         velocity = np.array([[speed[0], speed[1], 0.0]])
-        return Poses(position, heading(yaw_rate * t)[None], velocity, np.array([[0.0, 0.0, yaw_rate]]), np.zeros(1))
+        return Poses(position, about_z(yaw_rate * t)[None], velocity, np.array([[0.0, 0.0, yaw_rate]]), np.zeros(1))
 
     return pose
 
@@ -65,7 +59,7 @@ def uniform_current() -> list[Check]:
         solver.start(pose(0.0))
         for n in range(60):
             solver.advance(0.005 * (n + 1), pose(0.005 * (n + 1)))
-        far = heading(solver.frame[2]).T @ water.velocity
+        far = about_z(solver.frame[2]).T @ water.velocity
         apart = max(float(np.abs(q[:, :3] - f).max()) for q, f in zip(solver.velocity, far, strict=True))
         rise = float(np.abs(solver.surface_height() - water.depth).max())
         where = f"yaw rate {yaw_rate:g} rad/s"
@@ -107,7 +101,7 @@ def galilean() -> list[Check]:
         seen = RegularGridInterpolator((y, x), moved.surface_height(), method="cubic")
         xw, yw = np.meshgrid(x, y)
         inside = np.hypot(xw, yw) < 0.7
-        own = (np.stack([xw[inside], yw[inside], np.zeros(inside.sum())], axis=1) - [*moved.frame[:2], 0.0]) @ heading(
+        own = (np.stack([xw[inside], yw[inside], np.zeros(inside.sum())], axis=1) - [*moved.frame[:2], 0.0]) @ about_z(
             moved.frame[2]
         )
         level = fixed.surface_height()[inside]

@@ -120,7 +120,7 @@ def hull_surface(vehicle: Vehicle) -> Surface:
         If the hull's mesh cannot be used: see `mesh_triangles`.
     """
     hull = vehicle.hull
-    faces = _box_hull(hull) if hull.mesh is None else list(mesh_triangles(hull.mesh))
+    faces = _prism(hull.side_profile(), hull.width) if hull.mesh is None else list(mesh_triangles(hull.mesh))
     if hull.mesh is not None:
         _check_extent(hull, np.concatenate(faces))
     faces = [face - vehicle.hull_origin for face in faces]
@@ -243,21 +243,6 @@ def _wet(surface: Surface, rotation: ArrayLike, position: ArrayLike, level: floa
     sums, areas = np.zeros(N_SUMS), np.zeros((surface.n_cells, 3, 4))
     wet_integrals(surface.triangles, surface.cells, up, height, float(level), sums, areas, np.empty((3, 9, 4)))
     return sums, areas
-
-
-def _box_hull(hull: Hull) -> list[Array]:
-    """Faces of the raked-bow box in the design frame [m]."""
-    stern, bow = hull.center_x - 0.5 * hull.length, hull.center_x + 0.5 * hull.length
-    keel = hull.ground_clearance
-    outline = [[stern, keel], [bow - hull.bow_length, keel]]
-    if hull.bow_length > 0.0 or hull.bow_height > 0.0:
-        outline.append([bow, keel + hull.bow_height])
-    if hull.bow_height < hull.height:
-        outline.append([bow, keel + hull.height])
-    outline.append([stern, keel + hull.height])
-    corners = np.array(outline)
-    apart = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1) > 0.0
-    return _prism(corners[apart], hull.width)
 
 
 def _prism(outline: Array, width: float) -> list[Array]:

@@ -11,7 +11,7 @@ from scipy.optimize import brentq, root
 from scipy.spatial.transform import Rotation
 
 from exumob.support.constants import GRAVITY
-from exumob.vehicle.parameters import load_vehicle
+from exumob.vehicle.vehicle_file import load_vehicle
 from exumob.water.wetted_surface import (
     body_surfaces,
     box_surface,

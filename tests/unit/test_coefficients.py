@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from exumob.support.constants import GRAVITY
 from exumob.vehicle.motion import BODIES, BodyStates
-from exumob.vehicle.parameters import load_vehicle
+from exumob.vehicle.vehicle_file import load_vehicle
 from exumob.water.coefficients import (
     FILTER_STEPS,
     CoefficientHydrodynamics,

@@ -1,7 +1,7 @@
 """Soil: units, published table, bad input."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 
@@ -78,3 +78,18 @@ def test_unknown_name_lists_near_ones():
 def test_bad_input_is_named(change, message):
     with pytest.raises(ValueError, match=message):
         replace(LETE, **change)
+
+
+@pytest.mark.parametrize("pressure_form", ["bekker", "reece"])
+@pytest.mark.parametrize("shear_limit", ["per_axis", "resultant"])
+def test_record_holds_every_parameter_by_its_name(pressure_form, shear_limit):
+    soil = replace(Soil.published("LETE sand"), pressure_form=pressure_form, shear_limit=shear_limit, rebound_ratio=0.1)
+    (record,) = soil.as_record()
+    shared = set(record.dtype.names) & {f.name for f in fields(soil)}
+    assert len(shared) == len(record.dtype.names) - 3
+    assert all(record[name] == getattr(soil, name) for name in shared)
+    assert record["tan_friction_angle"] == math.tan(soil.friction_angle)
+    assert (record["reece_pressure"], record["shear_resultant"]) == (
+        pressure_form == "reece",
+        shear_limit == "resultant",
+    )

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import vehicle_models.amphibious
-from exumob.vehicle.parameters import Steering, Vehicle, Wishbones, box_inertia, load_vehicle
+from exumob.vehicle.parameters import Steering, Vehicle, Wishbones, box_inertia
+from exumob.vehicle.vehicle_file import load_vehicle
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
 
@@ -290,3 +291,24 @@ def test_bad_value_in_a_file_is_named(tmp_path):
     text = HEADER + "import dataclasses\ndef car():\n    return dataclasses.replace(_base(), wheelbase=-1.0)\n"
     with pytest.raises(ValueError, match=r"Vehicle\.wheelbase = -1\.0"):
         load_vehicle(write(tmp_path, text))
+
+
+# The hull seen from the side -------------------------------------------------------------------------------------------
+
+
+def profile_area(corners):
+    (x, z), (x_next, z_next) = corners.T, np.roll(corners, -1, axis=0).T
+    return 0.5 * float((x * z_next - x_next * z).sum())
+
+
+@pytest.mark.parametrize(("bow_length", "bow_height", "corners"), [
+    (0.25, 0.15, 5), (0.25, 0.0, 5), (0.25, AMPHIBIOUS.hull.height, 4), (0.0, 0.0, 4), (0.0, 0.15, 5),
+    (AMPHIBIOUS.hull.length, AMPHIBIOUS.hull.height, 3),
+])  # fmt: skip
+def test_side_profile_is_a_box_less_the_rake(bow_length, bow_height, corners):
+    hull = replace(AMPHIBIOUS.hull, bow_length=bow_length, bow_height=bow_height)
+    profile = hull.side_profile()
+    assert profile.shape == (corners, 2)
+    assert (np.linalg.norm(profile - np.roll(profile, 1, axis=0), axis=1) > 0.0).all()
+    assert profile_area(profile) == pytest.approx(hull.length * hull.height - 0.5 * bow_length * bow_height)
+    assert profile.min(axis=0) == pytest.approx([hull.center_x - 0.5 * hull.length, hull.ground_clearance])

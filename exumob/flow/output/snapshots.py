@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,6 +12,7 @@ from exumob.flow.grid import HALO, Grid
 from exumob.flow.solids import Poses
 from exumob.flow.solver import FlowSolver
 from exumob.support.arrays import Array
+from exumob.support.rotations import about_z
 from exumob.vehicle.motion import BODIES, quaternions
 
 SNAPSHOT_VARIABLES = ("elevation", "frame", "snapshot_position", "snapshot_quaternion")
@@ -80,8 +80,7 @@ def snapshots_dataset(grid: Grid, snapshots: Sequence[Snapshot]) -> xr.Dataset:
 
 def in_grid_axes(poses: Poses, frame: Array) -> tuple[Array, Array]:
     """Positions [m], shape (n, 3), and rotations, shape (n, 3, 3), in the axes of a grid at `frame` (x, y, heading)."""
-    c, s = math.cos(frame[2]), math.sin(frame[2])
-    back = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    back = about_z(frame[2]).T
     return (poses.position - np.array([frame[0], frame[1], 0.0])) @ back.T, back @ poses.rotation
 
 

@@ -21,6 +21,7 @@ from exumob.flow.output.vehicle_surface import body_triangles, placed
 from exumob.flow.solids import Poses
 from exumob.flow.solver import FlowSolver
 from exumob.support.arrays import Array
+from exumob.support.files import atomic_write
 from exumob.vehicle.parameters import Vehicle
 
 TYPES = {"f4": "Float32", "f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
@@ -78,12 +79,11 @@ class VtkSeries:
         ]
         self._count += 1
         text = "\n".join(self._entries)
-        partial = self.file.with_suffix(".partial")
-        partial.write_text(
-            f'<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n{text}\n</Collection>\n'
-            "</VTKFile>\n"
-        )
-        partial.replace(self.file)
+        with atomic_write(self.file) as temporary:
+            temporary.write_text(
+                f'<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n{text}\n'
+                "</Collection>\n</VTKFile>\n"
+            )
 
 
 PIECES = (("volume", "vtr"), ("surface", "vtp"), ("vehicle", "vtp"))
@@ -191,6 +191,5 @@ class _File:
             return
         self.lines += [f"</{self.kind}>", '<AppendedData encoding="raw">', "_"]
         text = "\n".join(self.lines).encode() + bytes(self.data) + b"\n</AppendedData>\n</VTKFile>\n"
-        partial = self.file.with_name(f".{self.file.name}.partial")
-        partial.write_bytes(text)
-        partial.replace(self.file)
+        with atomic_write(self.file) as temporary:
+            temporary.write_bytes(text)
