@@ -64,8 +64,6 @@ def map_command(  # one argument an option of the command line
     from exumob.mobility.map import SCATTER, Axis, MobilityMap, compute_map
     from exumob.sweeps.experiment import amphibious_crossing
     from exumob.sweeps.run import Progress
-    from exumob.sweeps.runner import Progress
-    from exumob.vehicle.parameters import load_vehicle
     from exumob.vehicle.vehicle_file import load_vehicle
 
     try:
