@@ -101,7 +101,7 @@ def import_histories(
     ------
     ValueError
         If columns are missing, units unknown or not given, samples uneven, too far apart or not finite, or if motion
-        and loads contradict the axes that they are said to be in.
+        and loads contradict the axes given for them.
     """
     if up not in ("z", "-z"):
         raise ValueError(f"import_histories.up = {up!r} is not known; use 'z' or '-z'.")
