@@ -279,7 +279,7 @@ def learning_curves(laboratory: Laboratory, orders: int, again: bool = True) -> 
 
 
 def seed_deviation(table: xr.Dataset, measure: str) -> float:
-    """Standard deviation of a measure (mean over the unseen runs) between ensembles that differ in their seeds alone."""
+    """Standard deviation of a measure, mean over the unseen runs, between ensembles that differ by seeds alone."""
     mean = table[measure].mean("scenario", skipna=False)
     gap = mean.isel(seeds=0) - mean.isel(seeds=1)
     apart = [n for n in range(table.sizes["runs"]) if not _same(table, n)]
