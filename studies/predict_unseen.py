@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import compare
 from exumob.learning.presets import PRESETS
-from exumob.learning.report import ENSEMBLE, by_scenario, markdown, models, plot_paths
+from exumob.learning.report import ENSEMBLE, by_scenario, load_models, markdown, plot_paths
 from exumob.paper.scenarios import UNSEEN
 from exumob.support.figures import STYLE
 from exumob.support.smoothing import smoothed
@@ -74,7 +74,9 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
     files = [CFD_RUNS / f"{scenario.file_stem}.nc" for scenario in UNSEEN if scenario.name in names]
     runs_by_name = load_runs(files)
     references = {name: runs_by_name[name] for name in names}
-    chosen = {n: m for n, m in models(networks, () if quick else tuple(PRESETS)).items() if not quick or n == ENSEMBLE}
+    chosen = {
+        n: m for n, m in load_models(networks, () if quick else tuple(PRESETS)).items() if not quick or n == ENSEMBLE
+    }
     table, runs = compare(chosen, references, amphibious_vehicle(), progress=None if quick else print)
     if quick:
         return table

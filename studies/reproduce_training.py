@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import compare
 from exumob.learning.presets import BEST, PRESETS
-from exumob.learning.report import ENSEMBLE, by_scenario, markdown, models, plot_paths
+from exumob.learning.report import ENSEMBLE, by_scenario, load_models, markdown, plot_paths
 from exumob.paper.scenarios import TRAINING, UNSEEN
 from exumob.support.figures import STYLE
 from exumob.surrogates.model import SurrogateHydrodynamics
@@ -60,7 +60,7 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> tuple[xr.Dat
     references = {name: loaded[name] for name in (names[:1] if quick else names)}
     chosen = {
         n: m
-        for n, m in models(networks, () if quick else ("paper-lstm", "paper-dense", "coefficients", BEST)).items()
+        for n, m in load_models(networks, () if quick else ("paper-lstm", "paper-dense", "coefficients", BEST)).items()
         if not quick or n == ENSEMBLE
     }
     table, runs = compare(chosen, references, amphibious_vehicle(), progress=None if quick else print)
