@@ -74,9 +74,9 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
     files = [CFD_RUNS / f"{scenario.file_stem}.nc" for scenario in UNSEEN if scenario.name in names]
     runs_by_name = load_runs(files)
     references = {name: runs_by_name[name] for name in names}
-    chosen = {
-        n: m for n, m in load_models(networks, () if quick else tuple(PRESETS)).items() if not quick or n == ENSEMBLE
-    }
+    chosen = load_models(networks, () if quick else tuple(PRESETS))
+    if quick:
+        chosen = {ENSEMBLE: chosen[ENSEMBLE]}
     table, runs = compare(chosen, references, amphibious_vehicle(), progress=None if quick else print)
     if quick:
         return table
