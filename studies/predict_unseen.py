@@ -24,9 +24,9 @@ from exumob.learning.report import ENSEMBLE, by_scenario, load_models, markdown,
 from exumob.paper.scenarios import UNSEEN
 from exumob.support.figures import STYLE
 from exumob.support.smoothing import smoothed
+from exumob.vehicle.motion import WRENCH_COMPONENTS
 from vehicle_models.amphibious import amphibious_vehicle
 
-COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 Runs = Mapping[tuple[str, str], Sequence[xr.Dataset]]
 """Runs of the members by model and scenario."""
 
@@ -53,7 +53,7 @@ def hull_loads(runs: Runs, references: Mapping[str, xr.Dataset], model: str, sce
     macro = run["hydrodynamics_load_spread"]["macro_time"]
     with plt.rc_context(STYLE):
         figure, rows = plt.subplots(2, 3, figsize=(11.0, 5.2), sharex=True, layout="constrained")
-        for n, (axes, component) in enumerate(zip(rows.flat, COMPONENTS, strict=True)):
+        for n, (axes, component) in enumerate(zip(rows.flat, WRENCH_COMPONENTS, strict=True)):
             loads = run["water_wrench"].sel(body="hull", component=component)
             spread = run["hydrodynamics_load_spread"].sel(body="hull", component=component)
             middle = np.interp(macro, run["time"], loads)
