@@ -1,4 +1,4 @@
-"""How many lane changes a minute does a sweep give, what do two workers bring, and does a long sweep grow?
+"""How many lane changes a minute does a sweep make, how much do two workers gain, and does its memory grow?
 
 Run: python benchmarks/sweep_throughput.py [--cases 24] [--cheap 10000] [--macro-step 0.02] [--micro-step 0.0005]
 Lane changes of 8 s in D60/U1 and its neighbours, driven by the ensemble; one worker and two on the same cases, in turn,
@@ -40,7 +40,7 @@ def timed(run: Callable[[], object]) -> float:
 
 
 def lane_changes(number: int, micro_step: float, macro_step: float) -> None:
-    """One worker and two, each in two halves, in turn: rates and their ratio."""
+    """Print the rates of one worker and of two, and their ratio; each in two halves, in turn."""
     experiment = replace(amphibious_lane_change(), micro_step=micro_step, macro_step=macro_step)
     cases = [{"water.current_speed": float(u)} for u in np.linspace(0.4, 1.0, number)]
     with tempfile.TemporaryDirectory() as place:
@@ -49,16 +49,16 @@ def lane_changes(number: int, micro_step: float, macro_step: float) -> None:
         walls = {1: 0.0, 2: 0.0}
         for part in range(2):
             for workers in walls:
-                mine = cases[part * half : (part + 1) * half]
+                chosen = cases[part * half : (part + 1) * half]
                 folder = Path(place) / f"{workers}_{part}"
-                walls[workers] += timed(lambda m=mine, f=folder, w=workers: sweep(experiment, m, f, workers=w))
+                walls[workers] += timed(lambda c=chosen, f=folder, w=workers: sweep(experiment, c, f, workers=w))
     for workers, wall in walls.items():
         print(f"{workers} worker(s): {2 * half} lane changes in {wall:.1f} s, {60.0 * 2 * half / wall:.1f} a minute")
     print(f"two workers bring {walls[1] / walls[2]:.2f} times one")
 
 
 def cheap_cases(number: int) -> None:
-    """Time a case, and resident memory of all processes after a tenth and at the end."""
+    """Print the time of a case, and the resident memory of all processes after a tenth of the cases and at the end."""
     seen: list[tuple[int, float]] = []
     over = threading.Event()
 
@@ -94,14 +94,14 @@ def _family_megabytes() -> float:
                 continue
             parents[int(entry.name)] = int(fields[1])
 
-    def ours(pid: int) -> bool:
+    def is_descendant(pid: int) -> bool:
         while pid > 1:
             if pid == os.getpid():
                 return True
             pid = parents.get(pid, 0)
         return False
 
-    return sum(size for pid, size in sizes.items() if ours(pid))
+    return sum(size for pid, size in sizes.items() if is_descendant(pid))
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import xarray as xr
 from common import CFD_RUNS, add_networks, save, study_parser
 from scipy import stats
 
-from exumob.learning.dataset import body_states, load_runs, water_of
+from exumob.learning.dataset import body_states, load_runs, water_of, windows
 from exumob.learning.evaluation import THINNING, compare
 from exumob.learning.report import MEASURES, markdown, plot_paths
 from exumob.paper.scenarios import UNSEEN
@@ -36,8 +36,7 @@ def memory_share(network: NetworkSet, run: xr.Dataset) -> np.ndarray:
     architecture = network.architecture
     inputs = network_inputs(body_states(run), water_of(run), architecture.inputs)
     rows = np.arange(architecture.stride * (architecture.taps - 1), len(inputs), THINNING)
-    back = architecture.stride * np.arange(architecture.taps - 1, -1, -1)
-    window = np.moveaxis(inputs[rows[:, None] - back], 2, 1)
+    window = np.moveaxis(windows(inputs, rows, architecture), 2, 1)
     loads = network.many_loads(window)
     present = network.many_loads(np.repeat(window[:, :, -1:], architecture.taps, axis=2))
     change = np.sqrt(np.mean((loads - present) ** 2, axis=0)) / np.maximum(loads.std(axis=0), 1e-9)

@@ -11,8 +11,8 @@ Validation, which stops the training, uses a fifth of the time of every run, ano
 `exumob train` uses a whole run instead, which two or three runs do not allow: the rest would not span depth and
 current. The same sets with other seeds show how much is chance.
 
-Which scenario should then be computed next, after all thirteen? The ensemble that comes with exumob is asked about
-`CANDIDATES`, none of which has been run.
+Which scenario should then be computed next, after all thirteen? The disagreement of the ensemble that comes with exumob
+ranks `CANDIDATES`, none of which has been run.
 
 Run: python studies/active_learning.py --work runs/active_learning     (some hours; every trained network and every
 measure is kept in that folder, and the same command continues after a stop)
@@ -245,7 +245,7 @@ def learning_curves(laboratory: Laboratory, orders: int, again: bool = True) -> 
     -------
     xarray.Dataset
         `UNITS`, dims (seeds, order, runs, scenario); ``added`` (order, runs): the run that made the set; along the
-        active order ``disagreement``, ``true_error`` (runs, candidate): of the ensemble on each run that was left.
+        active order ``disagreement`` and ``true_error`` (runs, candidate) of the ensemble on each run that was left.
     """
     names = laboratory.names
     every = {"active": laboratory.active_order(), "fixed": list(names)}
@@ -260,9 +260,9 @@ def learning_curves(laboratory: Laboratory, orders: int, again: bool = True) -> 
         found = laboratory.measures(list(every.values())[k][: sizes[n]], (SEEDS, OTHER_SEEDS)[which])
         for measure in UNITS:
             values[measure][which, k, n] = [found[name][measure] for name in laboratory.references]
-    asked = [laboratory.disagreements(every["active"][:n]) for n in sizes[:-1]]
+    steps = [laboratory.disagreements(every["active"][:n]) for n in sizes[:-1]]
     about = {
-        kept: np.array([[step.get(name, {}).get(key, np.nan) for name in names] for step in [*asked, {}]])
+        kept: np.array([[step.get(name, {}).get(key, np.nan) for name in names] for step in [*steps, {}]])
         for kept, key in (("disagreement", "disagreement"), ("true_error", "error"))
     }
     added = [[" + ".join(order[:2]), *order[2:]] for order in every.values()]
@@ -278,8 +278,8 @@ def learning_curves(laboratory: Laboratory, orders: int, again: bool = True) -> 
     )  # fmt: skip
 
 
-def luck(table: xr.Dataset, measure: str) -> float:
-    """Standard deviation between ensembles of the same runs and other seeds; of the mean over the unseen runs."""
+def seed_deviation(table: xr.Dataset, measure: str) -> float:
+    """Standard deviation of a measure, mean over the unseen runs, between ensembles that differ by seeds alone."""
     mean = table[measure].mean("scenario", skipna=False)
     gap = mean.isel(seeds=0) - mean.isel(seeds=1)
     apart = [n for n in range(table.sizes["runs"]) if not _same(table, n)]
@@ -287,7 +287,7 @@ def luck(table: xr.Dataset, measure: str) -> float:
     return float(np.sqrt(np.mean(pairs**2) / 2.0))
 
 
-def foresight(table: xr.Dataset) -> xr.DataArray:
+def rank_correlation(table: xr.Dataset) -> xr.DataArray:
     """Rank correlation (Spearman) of disagreement and true error over the runs that are left; dim runs."""
     found = []
     for n in table["runs"].values:
@@ -417,9 +417,9 @@ def report(table: xr.Dataset) -> str:
             word += f", less the mean of random {off:+.3f}"
         lines.append(
             f"{measure}, mean over the numbers of runs at which active and fixed differ: {word}; standard deviation of "
-            f"an ensemble from seeds to seeds {luck(table, measure):.3f}"
+            f"an ensemble from seeds to seeds {seed_deviation(table, measure):.3f}"
         )
-    known = foresight(table).dropna("runs")
+    known = rank_correlation(table).dropna("runs")
     ranks = ", ".join(f"{v:+.2f} ({n} runs)" for n, v in zip(known["runs"].values, known.values, strict=True))
     lines.append(f"rank correlation of disagreement and true error on the runs that were left: {ranks}")
     return "\n".join(lines)

@@ -20,13 +20,13 @@ from matplotlib.figure import Figure
 from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import compare
 from exumob.learning.presets import PRESETS
-from exumob.learning.report import ENSEMBLE, by_scenario, markdown, models, plot_paths
+from exumob.learning.report import ENSEMBLE, by_scenario, load_models, markdown, plot_paths
 from exumob.paper.scenarios import UNSEEN
 from exumob.support.figures import STYLE
 from exumob.support.smoothing import smoothed
+from exumob.vehicle.motion import WRENCH_COMPONENTS
 from vehicle_models.amphibious import amphibious_vehicle
 
-COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 Runs = Mapping[tuple[str, str], Sequence[xr.Dataset]]
 """Runs of the members by model and scenario."""
 
@@ -53,7 +53,7 @@ def hull_loads(runs: Runs, references: Mapping[str, xr.Dataset], model: str, sce
     macro = run["hydrodynamics_load_spread"]["macro_time"]
     with plt.rc_context(STYLE):
         figure, rows = plt.subplots(2, 3, figsize=(11.0, 5.2), sharex=True, layout="constrained")
-        for n, (axes, component) in enumerate(zip(rows.flat, COMPONENTS, strict=True)):
+        for n, (axes, component) in enumerate(zip(rows.flat, WRENCH_COMPONENTS, strict=True)):
             loads = run["water_wrench"].sel(body="hull", component=component)
             spread = run["hydrodynamics_load_spread"].sel(body="hull", component=component)
             middle = np.interp(macro, run["time"], loads)
@@ -74,7 +74,9 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
     files = [CFD_RUNS / f"{scenario.file_stem}.nc" for scenario in UNSEEN if scenario.name in names]
     runs_by_name = load_runs(files)
     references = {name: runs_by_name[name] for name in names}
-    chosen = {n: m for n, m in models(networks, () if quick else tuple(PRESETS)).items() if not quick or n == ENSEMBLE}
+    chosen = load_models(networks, () if quick else tuple(PRESETS))
+    if quick:
+        chosen = {ENSEMBLE: chosen[ENSEMBLE]}
     table, runs = compare(chosen, references, amphibious_vehicle(), progress=None if quick else print)
     if quick:
         return table

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import compare
 from exumob.learning.presets import BEST, PRESETS
-from exumob.learning.report import ENSEMBLE, by_scenario, markdown, models, plot_paths
+from exumob.learning.report import ENSEMBLE, by_scenario, load_models, markdown, plot_paths
 from exumob.paper.scenarios import TRAINING, UNSEEN
 from exumob.support.figures import STYLE
 from exumob.surrogates.model import SurrogateHydrodynamics
@@ -58,11 +58,9 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> tuple[xr.Dat
     names = [s.name for s in TRAINING]
     loaded = load_runs(CFD_RUNS / f"{s.file_stem}.nc" for s in TRAINING)
     references = {name: loaded[name] for name in (names[:1] if quick else names)}
-    chosen = {
-        n: m
-        for n, m in models(networks, () if quick else ("paper-lstm", "paper-dense", "coefficients", BEST)).items()
-        if not quick or n == ENSEMBLE
-    }
+    chosen = load_models(networks, () if quick else ("paper-lstm", "paper-dense", "coefficients", BEST))
+    if quick:
+        chosen = {ENSEMBLE: chosen[ENSEMBLE]}
     table, runs = compare(chosen, references, amphibious_vehicle(), progress=None if quick else print)
     if quick:
         return table, table

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -20,6 +21,8 @@ from exumob.simulation.result_files import load_dataset
 from exumob.support.arrays import Array
 from exumob.support.smoothing import WINDOW, smoothed, window_samples
 from exumob.vehicle.motion import HISTORY_STEP, BodyStates
+from exumob.surrogates.networks import Architecture
+from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
@@ -149,6 +152,26 @@ def water_of(run: xr.Dataset) -> Water:
     if stored is None:
         raise ValueError(f"{run.attrs.get('scenario', 'the run')}: made without water; there is nothing to learn.")
     return Water(**next(iter(stored.values())))
+
+
+def windows(inputs: NDArray[Any], rows: NDArray[np.intp], architecture: Architecture) -> NDArray[Any]:
+    """Windows of inputs as a network sees them.
+
+    Parameters
+    ----------
+    inputs : array, shape (n, ...)
+        Inputs at every millisecond of a run.
+    rows : array of int, shape (m,)
+        Instants at which the windows end; before the beginning of the run its first instant is repeated.
+    architecture : Architecture
+
+    Returns
+    -------
+    array, shape (m, taps, ...)
+        Oldest first.
+    """
+    back = architecture.stride * np.arange(architecture.taps - 1, -1, -1)
+    return inputs[np.maximum(rows[:, None] - back, 0)]
 
 
 def usable(run: xr.Dataset) -> NDArray[np.bool_]:

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.ground.soil import Soil
-from exumob.learning.dataset import SAMPLING, base_loads, body_states, usable, water_of
+from exumob.learning.dataset import SAMPLING, base_loads, body_states, usable, water_of, windows
 from exumob.paper.reference_runs import SOIL
 from exumob.paper.scenarios import Scenario
 from exumob.simulation.run import simulate
@@ -57,9 +57,7 @@ def predicted_loads(
     """
     architecture = network.architecture
     inputs = network_inputs(body_states(run), water_of(run), architecture.inputs)
-    back = architecture.stride * np.arange(architecture.taps - 1, -1, -1)
-    windows = np.moveaxis(inputs[np.maximum(rows[:, None] - back, 0)], 2, 1)
-    loads = network.many_loads(windows)
+    loads = network.many_loads(np.moveaxis(windows(inputs, rows, architecture), 2, 1))
     loads = loads * (water_of(run).density / TRAINED_DENSITY)
     if architecture.base == "coefficients":
         loads = loads + (base_loads(run, vehicle) if base is None else base)[rows]
@@ -153,7 +151,7 @@ def compare(
     -------
     table : xarray.Dataset
         The measures of `closed_loop`, dims (model, scenario, member), and ``load_error`` (`open_loop`), dims (...,
-        body, component); nan for models without networks and for runs that break down (a warning says which).
+        body, component); nan for models without networks and for runs that break down (a warning names them).
     runs : dict
         By model and scenario: the members' runs.
     """

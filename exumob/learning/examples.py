@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from exumob.learning.dataset import base_loads, body_states, load_runs, usable, water_of
+from exumob.learning.dataset import base_loads, body_states, load_runs, usable, water_of, windows
 from exumob.learning.presets import Preset
 from exumob.paper.scenarios import UNSEEN
 from exumob.surrogates.inputs import MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
@@ -34,11 +34,6 @@ class Examples:
     usable: list[NDArray[np.bool_]]
     """Instants of each run from which the network may learn, shape (n,)"""
 
-    def windows(self, run: int, rows: NDArray[np.intp], architecture: Architecture) -> Single:
-        """Windows of inputs that end at `rows`, oldest first; shape (m, taps, k)."""
-        back = architecture.stride * np.arange(architecture.taps - 1, -1, -1)
-        return self.inputs[run][np.maximum(rows[:, None] - back, 0)]
-
     def choose(self, runs: Sequence[int], offset: int, thinning: int) -> list[tuple[int, NDArray[np.intp]]]:
         """Choose every `thinning`-th row of some runs, from `offset` on, where it is usable."""
         rows = [np.arange(offset, len(self.inputs[r]), thinning) for r in runs]
@@ -48,7 +43,7 @@ class Examples:
         self, chosen: Sequence[tuple[int, NDArray[np.intp]]], architecture: Architecture
     ) -> tuple[Single, Single]:
         """Windows, shape (m, taps, k), and loads, shape (m, 6), of chosen rows."""
-        x = np.concatenate([self.windows(run, rows, architecture) for run, rows in chosen])
+        x = np.concatenate([windows(self.inputs[run], rows, architecture) for run, rows in chosen])
         return x, np.concatenate([self.loads[run][rows] for run, rows in chosen])
 
 

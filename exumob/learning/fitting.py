@@ -23,7 +23,7 @@ def fit_body(
     found: Examples, train: Sequence[int], validation: Sequence[int], preset: Preset, seed: int, body: int,
     progress: Callable[[int, float], None] | None = None,
 ) -> dict[str, Single]:  # fmt: skip
-    """Train the network of one body.
+    """Fit the network of one body to its examples.
 
     Parameters
     ----------

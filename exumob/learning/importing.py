@@ -38,10 +38,9 @@ PLACES = ("x", "y", "z")
 ANGLES = ("roll", "pitch", "yaw")
 QUATERNION = ("qw", "qx", "qy", "qz")
 SPEEDS = ("vx", "vy", "vz")
-LOADS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 KINDS = {
-    "time": ("time",), "length": PLACES, "angle": ANGLES, "speed": SPEEDS, "force": LOADS[:3], "moment": LOADS[3:],
-    "none": QUATERNION,
+    "time": ("time",), "length": PLACES, "angle": ANGLES, "speed": SPEEDS, "force": WRENCH_COMPONENTS[:3],
+    "moment": WRENCH_COMPONENTS[3:], "none": QUATERNION,
 }  # fmt: skip
 """Quantities by kind, as `units` names them."""
 UNITS = {
@@ -101,7 +100,7 @@ def import_histories(
     ------
     ValueError
         If columns are missing, units unknown or not given, samples uneven, too far apart or not finite, or if motion
-        and loads contradict the axes that they are said to be in.
+        and loads contradict the axes given for them.
     """
     if up not in ("z", "-z"):
         raise ValueError(f"import_histories.up = {up!r} is not known; use 'z' or '-z'.")
@@ -116,7 +115,7 @@ def import_histories(
     else:
         attitude = _from_quaternions(_stack(columns, QUATERNION), path)
     rotation = attitude.as_matrix().reshape(len(time), 5, 3, 3)
-    position, loads = _stack(columns, PLACES), _stack(columns, LOADS)
+    position, loads = _stack(columns, PLACES), _stack(columns, WRENCH_COMPONENTS)
     given = _stack(columns, SPEEDS) if columns.has(f"hull_{SPEEDS[0]}") else None
     position = position - np.array([0.0, 0.0, bed])
     if up == "-z":

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from exumob.support.files import atomic_write
 from exumob.surrogates.inputs import INPUTS
-from exumob.surrogates.networks import EDGE, SAMPLING, NetworkSet, exponents
+from exumob.surrogates.networks import EDGE, SAMPLING, Architecture, NetworkSet, exponents
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 
 OPSET = 17
+"""Version of the ONNX operators."""
 
 
 def export_onnx(networks: NetworkSet, file: str | Path) -> Path:
@@ -42,47 +43,15 @@ def export_onnx(networks: NetworkSet, file: str | Path) -> Path:
     from onnx import TensorProto, helper
 
     architecture = networks.architecture
-    k, taps = len(architecture.inputs), architecture.taps
     graph = _Graph(helper)
-    a = networks.arrays
-    mean, scale, low, high = (a[f"input_{name}"][:, None, :] for name in ("mean", "scale", "low", "high"))
-    edge = EDGE * (high - low)
-    held = graph("Min", graph("Max", "states", graph.constant(low - edge)), graph.constant(high + edge))
-    scaled = graph("Div", graph("Sub", held, graph.constant(mean)), graph.constant(scale))
-    x = graph("Transpose", scaled, perm=[1, 2, 0, 3])  # body, tap, instant, input
-
-    def tap(n: int) -> str:
-        return graph("Gather", x, graph.constant(np.array(n)), axis=1)
-
-    def layer(given: str, weight: str, bias: str) -> str:
-        return graph("Add", graph("MatMul", given, graph.constant(a[weight].mT)), graph.constant(a[bias][:, None]))
-
-    if architecture.layer == "polynomial":
-        factors = [(*[k] * (architecture.degree - len(c)), *c) for c in exponents(k, architecture.degree)]
-        with_one = graph("Pad", tap(0), graph.constant(np.array([0, 0, 0, 0, 0, 1])), graph.constant(np.float32(1.0)))
-        columns = [graph("Gather", with_one, graph.constant(np.array(c)), axis=2) for c in zip(*factors, strict=True)]
-        terms = columns[0]
-        for column in columns[1:]:
-            terms = graph("Mul", terms, column)
-        out = graph("MatMul", terms, graph.constant(a["coefficients"]))
-    else:
-        if architecture.layer == "dense":
-            window = graph("Concat", *[tap(n) for n in range(taps)], axis=2)
-            hidden = graph("Tanh", layer(window, "W", "b"))
-        else:
-            hidden = _lstm(graph, [tap(n) for n in range(taps)], a, layer)
-        hidden = graph("Tanh", layer(hidden, "dense_weight", "dense_bias"))
-        out = layer(hidden, "out_weight", "out_bias")
-    sized = graph("Mul", out, graph.constant(a["output_scale"][:, None]))
-    loads = graph("Transpose", graph("Add", sized, graph.constant(a["output_mean"][:, None])), perm=[1, 0, 2])
-    graph.nodes[-1].output[0] = "loads"
-    assert loads != "loads"
-
+    _add_networks(graph, networks)
+    states: list[str | int] = ["n", len(BODIES), architecture.taps, len(architecture.inputs)]
+    loads: list[str | int] = ["n", len(BODIES), len(WRENCH_COMPONENTS)]
     model = helper.make_model(
         helper.make_graph(
             graph.nodes, "exumob_networks",
-            [helper.make_tensor_value_info("states", TensorProto.FLOAT, ["n", 5, taps, k])],
-            [helper.make_tensor_value_info("loads", TensorProto.FLOAT, ["n", 5, len(WRENCH_COMPONENTS)])],
+            [helper.make_tensor_value_info("states", TensorProto.FLOAT, states)],
+            [helper.make_tensor_value_info("loads", TensorProto.FLOAT, loads)],
             graph.constants,
         ),
         opset_imports=[helper.make_opsetid("", OPSET)], ir_version=9,
@@ -103,6 +72,46 @@ def export_onnx(networks: NetworkSet, file: str | Path) -> Path:
     with atomic_write(path) as temporary:
         onnx.save(model, str(temporary))
     return path
+
+
+def _add_networks(graph: _Graph, networks: NetworkSet) -> None:
+    """Add all nodes from ``states`` to ``loads``: hold at the edge of the range, scale, network, scale back."""
+    architecture, a = networks.architecture, networks.arrays
+    mean, scale, low, high = (a[f"input_{name}"][:, None, :] for name in ("mean", "scale", "low", "high"))
+    edge = EDGE * (high - low)
+    held = graph("Min", graph("Max", "states", graph.constant(low - edge)), graph.constant(high + edge))
+    scaled = graph("Div", graph("Sub", held, graph.constant(mean)), graph.constant(scale))
+    x = graph("Transpose", scaled, perm=[1, 2, 0, 3])  # body, tap, instant, input
+    taps = [graph("Gather", x, graph.constant(np.array(n)), axis=1) for n in range(architecture.taps)]
+
+    def layer(given: str, weight: str, bias: str) -> str:
+        return graph("Add", graph("MatMul", given, graph.constant(a[weight].mT)), graph.constant(a[bias][:, None]))
+
+    if architecture.layer == "polynomial":
+        out = _polynomial(graph, taps[0], architecture, a)
+    else:
+        if architecture.layer == "dense":
+            hidden = graph("Tanh", layer(graph("Concat", *taps, axis=2), "W", "b"))
+        else:
+            hidden = _lstm(graph, taps, a, layer)
+        hidden = graph("Tanh", layer(hidden, "dense_weight", "dense_bias"))
+        out = layer(hidden, "out_weight", "out_bias")
+    sized = graph("Mul", out, graph.constant(a["output_scale"][:, None]))
+    graph("Transpose", graph("Add", sized, graph.constant(a["output_mean"][:, None])), perm=[1, 0, 2])
+    graph.nodes[-1].output[0] = "loads"
+
+
+def _polynomial(graph: _Graph, present: str, architecture: Architecture, arrays: dict[str, Any]) -> str:
+    """Nodes of the regression: all monomials of the present inputs, times the coefficients."""
+    k, degree = len(architecture.inputs), architecture.degree
+    factors = [(*[k] * (degree - len(c)), *c) for c in exponents(k, degree)]  # input k is the constant 1
+    with_one = graph("Pad", present, graph.constant(np.array([0, 0, 0, 0, 0, 1])), graph.constant(np.float32(1.0)))
+    terms, *others = [
+        graph("Gather", with_one, graph.constant(np.array(c)), axis=2) for c in zip(*factors, strict=True)
+    ]
+    for column in others:
+        terms = graph("Mul", terms, column)
+    return graph("MatMul", terms, graph.constant(arrays["coefficients"]))
 
 
 def _lstm(graph: _Graph, taps: list[str], arrays: dict[str, Any], layer: Any) -> str:

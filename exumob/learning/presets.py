@@ -18,7 +18,7 @@ RICH_INPUTS = (
 
 @dataclass(frozen=True)
 class Preset:
-    """An architecture and how it is trained."""
+    """An architecture and the settings of its training."""
 
     name: str
     architecture: Architecture

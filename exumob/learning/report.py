@@ -20,18 +20,30 @@ from exumob.water.hydrodynamics import Hydrodynamics
 ENSEMBLE = f"{BEST}, ensemble"
 """The networks that come with exumob, all together."""
 PUBLISHED = "published coefficients"
-"""`CoefficientHydrodynamics`: nothing of it is fitted."""
+"""`CoefficientHydrodynamics`, none of whose coefficients is fitted to the runs."""
 MEASURES = (("path", 1.0, "%"), ("final", 1.0, "%"), ("yaw", 1.0, "deg"), ("lateral_velocity", 1e3, "mm/s"))
 """Columns of a table: measure, factor, unit."""
 
 
-def models(folder: Path, presets: Sequence[str] = tuple(PRESETS)) -> dict[str, list[Hydrodynamics]]:
-    """Members of each model: the published coefficients, what was trained into a folder, the shipped ensemble.
+def load_models(folder: Path, presets: Sequence[str] = tuple(PRESETS)) -> dict[str, list[Hydrodynamics]]:
+    """Load the members of each model: published coefficients, networks trained into a folder, shipped ensemble.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of `exumob train`.
+    presets : sequence of str
+        Names of the presets whose networks are loaded.
+
+    Returns
+    -------
+    dict
+        Models of the water's loads by name: one for each seed.
 
     Raises
     ------
     ValueError
-        If a preset was not trained into the folder.
+        If the folder holds no networks of a preset.
     """
     found: dict[str, list[Hydrodynamics]] = {PUBLISHED: [CoefficientHydrodynamics()]}
     for preset in presets:
@@ -45,16 +57,16 @@ def models(folder: Path, presets: Sequence[str] = tuple(PRESETS)) -> dict[str, l
 def plot_paths(
     runs: Mapping[tuple[str, str], Sequence[xr.Dataset]], references: Mapping[str, xr.Dataset], models: Sequence[str]
 ) -> Figure:
-    """Trajectories, a panel for each model (paper Figs. 11, 12, 15): CFD-MBD dashed, a solid line for each member."""
+    """Draw the paths, a panel for each model (paper Figs. 11, 12, 15): CFD-MBD dashed, a solid line for each member."""
     with plt.rc_context(STYLE):
         figure, panels = plt.subplots(
             len(models), 1, figsize=(9.0, 0.4 + 3.2 * len(models)), sharex=True, squeeze=False, layout="constrained"
         )
         for axes, model in zip(panels.flat, models, strict=True):
             for n, (scenario, reference) in enumerate(references.items()):
-                axes.plot(*_track(reference), color=f"C{n}", ls="--", lw=1.6)
+                axes.plot(*_path(reference), color=f"C{n}", ls="--", lw=1.6)
                 for k, run in enumerate(runs[model, scenario]):
-                    axes.plot(*_track(run), color=f"C{n}", lw=1.0, alpha=0.8, label=None if k else scenario)
+                    axes.plot(*_path(run), color=f"C{n}", lw=1.0, alpha=0.8, label=None if k else scenario)
             axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{model} (dashed: CFD-MBD)")
             axes.set_ylim(-0.15, 1.05)
             axes.legend(loc="upper left", ncols=2 if len(references) < 6 else 3, fontsize="small")
@@ -62,7 +74,7 @@ def plot_paths(
 
 
 def markdown(table: xr.Dataset) -> str:
-    """Means over the scenarios, +- the spread of the members' means; in brackets the worst scenario's mean."""
+    """Table of means over the scenarios, +- the spread of the members' means; in brackets the worst scenario's mean."""
     lines = [
         "| model | load error | path | final position (worst) | yaw | lateral velocity |",
         "|---|---|---|---|---|---|",
@@ -81,7 +93,7 @@ def markdown(table: xr.Dataset) -> str:
 
 
 def by_scenario(table: xr.Dataset, measure: str = "final", unit: str = "%") -> str:
-    """A row for each model, a column for each scenario: mean of the members, +- their spread."""
+    """Table with a row for each model and a column for each scenario: mean of the members, +- their spread."""
     names = [str(s) for s in table["scenario"].values]
     lines = [f"| {measure} [{unit}] | {' | '.join(names)} |", "|---" * (len(names) + 1) + "|"]
     for model in table["model"].values:
@@ -94,7 +106,7 @@ def by_scenario(table: xr.Dataset, measure: str = "final", unit: str = "%") -> s
     return "\n".join(lines)
 
 
-def _track(run: xr.Dataset) -> Array:
-    """Way of the hull from where it started; shape (2, n)."""
-    way = run["position"].sel(body="hull").values[:, :2].astype(float)
-    return np.asarray((way - way[0]).T)
+def _path(run: xr.Dataset) -> Array:
+    """Path of the hull from where it started [m]; shape (2, n)."""
+    path = run["position"].sel(body="hull").values[:, :2].astype(float)
+    return np.asarray((path - path[0]).T)

@@ -160,7 +160,7 @@ def compute_map(
         Dims (panel, y, x): probability, probability_low, probability_high (Wilson); means of the numbers of `judge`;
         failure (the most frequent of those that failed, index of `FAILURES`; -1: interpolated); runs (0: interpolated).
         Attribute ``computed_share``: share of the nodes that were computed. Runs out of time or killed do not count (a
-        warning says how many); the next call tries them again.
+        warning counts them); the next call tries them again.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """The folder of a sweep: what is run, which cases are under way, and how each ended.
 
 Every case that has ended is a file, so that a sweep that was stopped or killed continues with the others. A description
-of the function, its source and the cases tells one sweep from another.
+of the function, its source and the cases distinguishes one sweep from another.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ class CaseStore:
         for number in sorted(self.ended()) if again else ():
             if self.read(number)["status"] in again:
                 self._file(number).unlink()
-        # without MPI the leader tells cases that end their process from those that ended with the sweep
+        # without MPI the leader distinguishes cases that end their process from those that ended with the sweep
         self.forget_begun(n for n, begun in self.begun().items() if not begun["mpi"])
 
     def ended(self) -> set[int]:

@@ -93,7 +93,7 @@ def tune(
         Lowest and highest value by dotted name.
     objective : callable
         Takes the Dataset of a run, returns the number that is to be small; a function at the top level of a module.
-        Its own source tells the folder of one tuning from another's, not that of what it calls.
+        Another tuning is recognised by its source, not by that of what it calls.
     folder : path
         Folder that keeps each evaluation, and ``tuning.nc``.
     cases : sequence of dict
