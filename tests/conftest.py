@@ -20,6 +20,23 @@ from exumob.simulation.run import simulate
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Divide the tests among processes by files, and keep the flow's together: its kernels take minutes to compile.
+
+    They come first, so that the other process does the rest in the meantime. Studies share nothing: one by one.
+    """
+
+    def of_flow(item):
+        return item.path.parent.name == "physics" and item.path.stem.startswith(("test_flow", "test_captive"))
+
+    items.sort(key=lambda item: not of_flow(item))
+    for item in items:
+        if item.path.stem != "test_studies":
+            item.add_marker(pytest.mark.xdist_group("flow" if of_flow(item) else item.path.stem))
+
+
 COARSE = {"micro_step": 5e-4, "macro_step": 20e-3}
 """The fast setting of the design."""
 

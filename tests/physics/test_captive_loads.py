@@ -30,11 +30,12 @@ def drifting():
 
 
 def test_water_pushes_a_drifting_vehicle_back_and_aside(drifting):
-    """Slipping to its left, it is pushed back to its right; its hull is buoyed (draught 42 mm: 175 N at rest)."""
+    """Slipping to its left, it is pushed back to its right; suction under the keel takes a third of the 175 N at rest.
+
+    Values found on these cells after 0.15 s; a change of the model of walls, closure or surface moves them by more.
+    """
     hull = drifting["force"].sel(body="hull").isel(time=slice(-10, None)).mean("time").values
-    assert hull[0] < 0.0
-    assert hull[1] < 0.0
-    assert 80.0 < hull[2] < 260.0
+    assert hull == pytest.approx([-43.4, -13.2, 114.5], rel=0.02)
 
 
 @pytest.mark.parametrize(

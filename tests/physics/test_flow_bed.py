@@ -140,6 +140,11 @@ def test_lowest_bed_of_a_way():
 
 
 def test_captive_run_over_a_bed():
+    """Archimedes does not ask for the bed: over a ditch a vehicle at rest is lifted as over level ground, on one grid.
+
+    The hull's draught is less than one of these cells, which costs it a third of its lift in both; 4 % allowed between
+    them (found 2.7), 2 % for the wheels (1).
+    """
     vehicle, water = amphibious_vehicle(), Water(0.12)
     x = np.linspace(-4.0, 4.0, 33)
     ditch = Terrain(heights=np.tile(-0.05 * np.exp(-((x - 0.2) ** 2) / 0.2), (2, 1)), origin=(-4.0, -9.0),
@@ -147,12 +152,16 @@ def test_captive_run_over_a_bed():
     grid = captive_grid(vehicle, 0.06, water, ditch)
     assert -0.12 < grid.z_faces[0] < -0.1
     assert captive_grid(vehicle, 0.06, water, Terrain(height=-0.03)).z_faces[0] == pytest.approx(-0.03)
-    run = captive_run(
-        vehicle, water, CaptiveMotion(0.5), cell_size=0.06, duration=0.02, interval=0.01, snapshots=0.02,
-        allow_coarse=True, terrain=ditch,
+    run, level = (
+        captive_run(
+            vehicle, water, CaptiveMotion(0.5), grid=grid, duration=0.02, interval=0.01, snapshots=0.02,
+            allow_coarse=True, terrain=terrain,
+        )
+        for terrain in (ditch, Terrain())
     )  # fmt: skip
     assert run.attrs["status"] == "completed"
     assert "Terrain" in run.attrs["parameters"]
-    lift = float(run["force"].isel(time=-1).sel(axis="z").sum())
-    assert np.isfinite(lift) and lift > 0.0
-    assert float(np.abs(run["elevation"]).max()) < 0.02
+    over_ditch, over_level = (one["force"].isel(time=-1).sel(axis="z").values for one in (run, level))
+    assert over_ditch[0] == pytest.approx(over_level[0], rel=0.04)
+    assert over_ditch[1:] == pytest.approx(over_level[1:], rel=0.02)
+    assert float(np.abs(run["elevation"]).max()) < 5e-4

@@ -53,15 +53,16 @@ def test_momentum_is_exchanged():
 def test_sign_and_size():
     """At rest, half submerged: the lugs feel rho C_D A (spin (R + h/2))^2 / 2, of which 1/2 is wet, 2/pi forward.
 
-    The ring is one and a half cells thick and cut by the level and the tyre, so its wet part errs: 20 % allowed.
+    The ring is one and a half cells thick and cut by the level and the tyre, so its wet part errs: 4 % and 6 % too
+    little on these cells, 8 % allowed.
     """
     load, _ = pushed(10.0)
     area = 12 * 0.015 * WIDTH
     drag = 0.5 * 1000.0 * 1.2 * area * (10.0 * (RADIUS + 0.0075)) ** 2
-    assert load[0] == pytest.approx(0.5 * drag * 2.0 / math.pi, rel=0.2)
+    assert load[0] == pytest.approx(0.5 * drag * 2.0 / math.pi, rel=0.08)
     assert abs(load[1]) < 1e-9 * load[0]
     assert load[4] < 0.0  # about y: it brakes the spin
-    assert load[4] == pytest.approx(-0.5 * drag * (RADIUS + 0.015), rel=0.25)
+    assert load[4] == pytest.approx(-0.5 * drag * (RADIUS + 0.015), rel=0.08)
     backward, _ = pushed(-10.0)
     assert backward == pytest.approx(-load, abs=1e-9 * drag)
 
@@ -73,12 +74,15 @@ def test_nothing_without_motion():
 
 
 def test_paddle_wheel_drives_forward():
-    """Over 0.2 s the water is set going, so the thrust falls below its first value, but stays forward."""
-    solver = wheel(10.0, steps=40)
+    """The water is set going: the thrust falls to 47 % of its first value within 0.1 s and to 35 % within 0.2 s.
+
+    The braking moment falls to 50 and 40 %. From then on lugs and water keep pace (0.4 s: 34 and 41 %).
+    """
     first, _ = pushed(10.0)
-    assert np.all(np.isfinite(solver.loads.total))
-    assert 0.02 * first[0] < solver.loads.shear[0, 0] < first[0]
-    assert solver.loads.shear[0, 4] < 0.0
+    for steps, thrust, moment in ((20, 0.474, 0.496), (40, 0.347, 0.398)):
+        loads = wheel(10.0, steps=steps).loads.shear[0]
+        assert loads[0] / first[0] == pytest.approx(thrust, abs=0.02)
+        assert loads[4] / first[4] == pytest.approx(moment, abs=0.02)
 
 
 def test_no_tread_changes_nothing():

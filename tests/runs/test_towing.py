@@ -1,6 +1,7 @@
-"""The vehicle-level measurements run: each for a fraction of a second on the coarsest grid; no number counts yet.
+"""The vehicle-level measurements, each for a fraction of a second on the coarsest grid.
 
-The cases themselves are slow ones of `exumob verify`.
+The cases themselves are slow ones of `exumob verify`. Loads are those found on these cells with a band of 3 %, which a
+change of the solver or of what is averaged leaves, and round-off does not.
 """
 
 import inspect
@@ -12,9 +13,11 @@ import pytest
 from exumob.towing_tank.checks import check_resolution
 from exumob.towing_tank.run import captive_grid, doubled_grid
 from exumob.verification import runs, squat, towing
+from exumob.verification.uncertainty import grid_convergence, mean_uncertainty
 from exumob.water.conditions import Water
 
 QUICK = {"cell_size": 0.04, "duration": 0.12, "interval": 0.002, "allow_coarse": True}
+BAND = 0.03
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -32,24 +35,46 @@ def value_of(checks, name):
 
 
 def test_towed_and_held_agree_from_the_first_steps():
+    """The grid goes with the vehicle, so that both are the same sum: equal to round-off, which has no time to grow."""
     checks = towing.towed_held(**QUICK)
-    assert len(checks) == 5 and all(check.passed for check in checks)
+    assert value_of(checks, "hull Fx, towed").value == pytest.approx(-9.35, rel=BAND)
+    against = [check for check in checks if "held against towed" in check.name]
+    assert len(against) == 4 and max(abs(check.error) for check in against) < 1e-6
+    assert value_of(checks, "hull Fz, held against towed, over hull Fx").value == pytest.approx(167.3, rel=BAND)
 
 
 def test_resistance_is_found_and_compared():
     checks = towing.resistance_hump((0.7, 1.0), **QUICK)
-    assert value_of(checks, "hull, depth Froude number of the largest coefficient").value in (0.7, 1.0)
-    assert all(math.isfinite(check.value) for check in checks)
+    found = {(part, froude): value_of(checks, f"{part}, resistance coefficient at depth Froude number {froude}").value
+             for part in ("hull", "vehicle", "front wheel", "rear wheel") for froude in ("0.7", "1")}  # fmt: skip
+    assert found == pytest.approx(
+        {
+            ("hull", "0.7"): 1.650, ("hull", "1"): 1.331, ("vehicle", "0.7"): 1.451, ("vehicle", "1"): 1.225,
+            ("front wheel", "0.7"): 1.447, ("front wheel", "1"): 1.263, ("rear wheel", "0.7"): 1.262,
+            ("rear wheel", "1"): 1.084,
+        },
+        rel=BAND,
+    )  # fmt: skip
+    assert value_of(checks, "hull, depth Froude number of the largest coefficient").value == 0.7  # it still speeds up
 
 
 def test_worst_case_grids_and_finished_runs(folder, monkeypatch):
     checks = towing.worst_case(**QUICK)
     assert value_of(checks, "loads that are not numbers").passed
-    assert all(math.isfinite(check.value) for check in checks)
+    assert value_of(checks, "level ahead of the bow wave, largest").passed
+    means = {load: value_of(checks, f"{load}, mean").value for load in ("hull Fx", "hull Fz", "hull My")}
+    assert means == pytest.approx({"hull Fx": -46.5, "hull Fz": 188.9, "hull My": -11.46}, rel=BAND)
+    left, right = (value_of(checks, f"front_{side} Fx, mean").value for side in ("left", "right"))
+    assert left == pytest.approx(-23.1, rel=BAND) and right == pytest.approx(left, rel=1e-6)  # straight on
     quick = QUICK | {"cell_sizes": (0.044, 0.04, 0.048)}
     del quick["cell_size"]
     found = towing.load_convergence(**quick)
-    assert np.all(np.isfinite(found["mean_gci"])) and found.sizes["load"] == len(towing.LOADS)
+    assert found["load"].values.tolist() == [f"{body} {name}" for body, _, name in towing.LOADS]
+    for load, row in zip(found["load"].values, found["mean"].values, strict=True):
+        expected = grid_convergence(quick["cell_sizes"], row)
+        assert float(found["mean_gci"].sel(load=load)) == expected.gci
+        assert found["mean_convergence"].sel(load=load) == expected.kind
+    assert found["mean"].sel(load="hull Fx").values == pytest.approx([-52.9, -46.4, -59.1], rel=BAND)
     assert len(towing.grid_convergence_case(**quick)) == 8 * len(towing.LOADS)
     towing.plot_convergence(found)
 
@@ -63,8 +88,8 @@ def test_window_and_step_comparisons_run():
     checks = towing.compared("itself", *[towing.worst_run(0.04, 0.12, 0.002, allow_coarse=True)] * 2, limit=0.0)
     assert [check.error for check in checks if math.isfinite(check.limit)] == [0.0] * len(towing.LOADS)
     apart = [check for check in checks if "standard error" in check.name]
-    assert all(0.0 < check.value < 1e3 for check in apart)
-    assert len(apart) == len(towing.LOADS)
+    alone = mean_uncertainty(towing.loads_after(towing.worst_run(0.04, 0.12, 0.002, allow_coarse=True), 0.03)[:, 0, 0])
+    assert apart[0].value == pytest.approx(math.sqrt(2.0) * alone.error) and len(apart) == len(towing.LOADS)
     vehicle, water = towing.paper_vehicle(), Water(towing.DEPTH)
     normal, wide = captive_grid(vehicle, 0.04, water), doubled_grid(vehicle, 0.04, water)
     for name in ("x_faces", "y_faces"):
@@ -73,14 +98,13 @@ def test_window_and_step_comparisons_run():
 
 
 def test_slender_hull():
-    """Its theory is Hooft's formula with 1.43 for 1.46; a few steps give loads without side force."""
+    """Its theory is Hooft's formula with 1.43 for 1.46; speeding up it is sucked down and held back from the start."""
     displacement = 2.0 / 3.0 * squat.LENGTH * squat.BREADTH * squat.DRAUGHT
     stiffness = 9810.0 * 2.0 / 3.0 * squat.LENGTH * squat.BREADTH
     sinkage = -squat.slender_body_lift(0.5) / stiffness
     assert sinkage == pytest.approx(1.432 * displacement / squat.LENGTH**2 * 0.25 / math.sqrt(0.75), rel=2e-3)
     loads = squat.squat_loads(0.5, cell_size=0.04, duration=0.1, interval=0.005, ramp_time=0.08)
-    assert np.all(np.isfinite(loads))
-    assert loads[2] < 0.0
+    assert loads == pytest.approx((-0.114, -1.124, -0.633), rel=BAND)
 
 
 @pytest.mark.parametrize("measure", [towing.towed_held, towing.worst_case])
