@@ -7,11 +7,12 @@ import sys
 from importlib.metadata import version as installed
 from pathlib import Path
 
+import scipy.stats  # noqa: F401  before torch is mocked: scipy would take the mock for an array library
 from sphinx.ext import autodoc, autosummary
 
 os.environ["NUMBA_DISABLE_JIT"] = "1"  # compiled kernels are documented as the functions that they are
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent))  # vehicle_models and studies
+sys.path[:0] = [str(HERE.parent), str(HERE)]  # vehicle_models and studies; the extension mathml
 
 LONGEST_VALUE = 200
 """Longest value of a constant that is shown [characters]."""
@@ -22,14 +23,15 @@ copyright = author
 version = release = installed("exumob")
 
 extensions = [
+    "mathml",
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
 ]
-exclude_patterns = ["_build", "_generated"]
+exclude_patterns = ["_build", "_generated/*.md", "_static"]
+html_math_renderer = "mathml"
 smartquotes = False  # they would turn the -- of options into dashes
 html_theme = "furo"
 html_title = f"exumob {release}"
@@ -46,7 +48,8 @@ autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints = "none"  # in the signature they repeat the docstring
 autodoc_preserve_defaults = True
 autodoc_mock_imports = ["torch"]  # not needed to read docstrings
-autosummary_generate = False  # tables only: all is documented on the pages themselves
+autosummary_generate = True  # a page a module, found in the folders: no page names files
+templates_path = ["_templates"]
 toc_object_entries_show_parents = "hide"
 suppress_warnings = ["ref.python"]  # a short name that several modules use
 
