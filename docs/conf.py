@@ -128,6 +128,14 @@ def repository_links(app, relative_path, parent, content):
     content[0] = re.sub(r"(!?\[[^\]]*\])\(([^)#:\s]+)\)", moved, content[0])
 
 
+def forget_moved_modules(app):
+    """Remove generated pages of modules that are no longer there, before autosummary reads them."""
+    for page in (HERE / "_generated" / "api").glob("*.rst"):
+        place = HERE.parent / page.stem.replace(".", "/")
+        if not place.is_dir() and not place.with_suffix(".py").is_file():
+            page.unlink()
+
+
 def command_line_reference(app):
     """Write the pages of all commands as typer gives them, so that they are those of the program."""
     target = HERE / "_generated" / "commands.md"
@@ -143,6 +151,7 @@ def command_line_reference(app):
 
 def setup(app):
     """Docstrings are mended before napoleon, which has the priority 500, reads them."""
+    app.connect("config-inited", lambda app, config: forget_moved_modules(app))
     app.connect("builder-inited", command_line_reference)
     app.connect("include-read", repository_links)
     app.connect("autodoc-process-docstring", plain_docstrings, priority=400)
