@@ -7,11 +7,12 @@ import sys
 from importlib.metadata import version as installed
 from pathlib import Path
 
+import scipy.stats  # noqa: F401  before torch is mocked: scipy would take the mock for an array library
 from sphinx.ext import autodoc, autosummary
 
 os.environ["NUMBA_DISABLE_JIT"] = "1"  # compiled kernels are documented as the functions that they are
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent))  # vehicle_models and studies
+sys.path[:0] = [str(HERE.parent), str(HERE)]  # vehicle_models and studies; the extension mathml
 
 LONGEST_VALUE = 200
 """Longest value of a constant that is shown [characters]."""
@@ -22,14 +23,15 @@ copyright = author
 version = release = installed("exumob")
 
 extensions = [
+    "mathml",
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
 ]
-exclude_patterns = ["_build", "_generated"]
+exclude_patterns = ["_build", "_generated/*.md", "_static"]
+html_math_renderer = "mathml"
 smartquotes = False  # they would turn the -- of options into dashes
 html_theme = "furo"
 html_title = f"exumob {release}"
@@ -46,7 +48,8 @@ autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints = "none"  # in the signature they repeat the docstring
 autodoc_preserve_defaults = True
 autodoc_mock_imports = ["torch"]  # not needed to read docstrings
-autosummary_generate = False  # tables only: all is documented on the pages themselves
+autosummary_generate = True  # a page a module, found in the folders: no page names files
+templates_path = ["_templates"]
 toc_object_entries_show_parents = "hide"
 suppress_warnings = ["ref.python"]  # a short name that several modules use
 
@@ -125,6 +128,14 @@ def repository_links(app, relative_path, parent, content):
     content[0] = re.sub(r"(!?\[[^\]]*\])\(([^)#:\s]+)\)", moved, content[0])
 
 
+def forget_moved_modules(app):
+    """Remove generated pages of modules that are no longer there, before autosummary reads them."""
+    for page in (HERE / "_generated" / "api").glob("*.rst"):
+        place = HERE.parent / page.stem.replace(".", "/")
+        if not place.is_dir() and not place.with_suffix(".py").is_file():
+            page.unlink()
+
+
 def command_line_reference(app):
     """Write the pages of all commands as typer gives them, so that they are those of the program."""
     target = HERE / "_generated" / "commands.md"
@@ -140,6 +151,7 @@ def command_line_reference(app):
 
 def setup(app):
     """Docstrings are mended before napoleon, which has the priority 500, reads them."""
+    app.connect("config-inited", lambda app, config: forget_moved_modules(app))
     app.connect("builder-inited", command_line_reference)
     app.connect("include-read", repository_links)
     app.connect("autodoc-process-docstring", plain_docstrings, priority=400)
