@@ -92,9 +92,12 @@ def lane_change_command(
     With the flow solver in the loop: exumob lane-change --hydrodynamics cfd --cell-size 0.018 --coarse --checkpoint
     run.npz --output run.nc; when it was stopped, the same with --resume.
     """
+    from exumob.coupling.explicit import Explicit
     from exumob.coupling.flow_code import BuiltInFlow
-    from exumob.coupling.flow_in_loop import CfdHydrodynamics, development_span
-    from exumob.coupling.schemes import Coupling, Explicit, SemiImplicit, Strong
+    from exumob.coupling.flow_in_loop import CfdHydrodynamics
+    from exumob.coupling.scheme import Coupling
+    from exumob.coupling.semi_implicit import SemiImplicit
+    from exumob.coupling.strong import Strong
     from exumob.driving.maneuver import lane_change
     from exumob.ground.soil import Soil
     from exumob.simulation.ensemble import add_members
@@ -130,8 +133,8 @@ def lane_change_command(
                 cell_size, settings=FlowSettings(threads=threads), allow_coarse=coarse,
                 snapshots=0.05 if animate else None,
             )  # fmt: skip
-            model = developed = CfdHydrodynamics(flow, progress=lambda time: told[0](time))
-            lead = development_span(developed.development, water)
+            model = cfd = CfdHydrodynamics(flow, progress=lambda time: told[0](time))
+            lead = cfd.spin_up.duration(water)
             scheme = {"explicit": Explicit, "semi-implicit": SemiImplicit, "strong": Strong}[coupling.value]()
         if networks and hydrodynamics not in (WaterModel.networks, None):
             raise ValueError(f"--networks means nothing with --hydrodynamics {hydrodynamics.value}; leave one out.")

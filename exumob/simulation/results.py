@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from exumob.coupling.schemes import Coupling
+from exumob.coupling.scheme import Coupling
 from exumob.driving.maneuver import Maneuver
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain

@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from exumob.coupling.schemes import Coupling, Explicit, SemiImplicit, wrenches
+from exumob.coupling.explicit import Explicit
+from exumob.coupling.scheme import Coupling, checked_wrenches
+from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.driving.maneuver import FeedbackManeuver, Maneuver, lane_change
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
@@ -28,7 +30,7 @@ from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
-from exumob.water.hydrodynamics import DevelopedHydrodynamics, Hydrodynamics, NoWater
+from exumob.water.hydrodynamics import Hydrodynamics, NoWater, SpinUpHydrodynamics
 
 logger = logging.getLogger(__name__)
 
@@ -109,7 +111,7 @@ def simulate(
     _check_maneuver(vehicle, maneuver, duration)
     steps = {"duration": duration, "micro_step": micro_step, "macro_step": macro_step, "record_step": record_step}
     active = hydrodynamics
-    scheme = coupling or (SemiImplicit() if isinstance(active, DevelopedHydrodynamics) else Explicit())
+    scheme = coupling or (SemiImplicit() if isinstance(active, SpinUpHydrodynamics) else Explicit())
     store = None
     if checkpoint is not None:
         _check_described(maneuver)
@@ -181,18 +183,18 @@ def _settle(
     store: Checkpoints | None,
 ) -> None:  # fmt: skip
     """Static equilibrium of the vehicle with the water's loads, the state at time 0."""
-    if isinstance(hydrodynamics, DevelopedHydrodynamics):
+    if isinstance(hydrodynamics, SpinUpHydrodynamics):
 
         def settle(load: Callable[[BodyStates], Array]) -> BodyStates:
             model.settle(load)
             return model.present()
 
-        keep = (lambda saved: None) if store is None else store.keep_development
-        begun = None if store is None else store.development
-        hydrodynamics.develop(vehicle, water, macro_step, settle, keep, begun)
+        keep = (lambda saved: None) if store is None else store.keep_spin_up
+        begun = None if store is None else store.spin_up
+        hydrodynamics.run_spin_up(vehicle, water, macro_step, settle, keep, begun)
         return
     hydrodynamics.start(vehicle, water, SETTLING_STEP)
-    model.settle(lambda states: wrenches(hydrodynamics, states, lambda: states))
+    model.settle(lambda states: checked_wrenches(hydrodynamics, states, lambda: states))
 
 
 def _keep(store: Checkpoints | None, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling) -> None:

@@ -15,12 +15,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
-import exumob.coupling.schemes
+import exumob.coupling.semi_implicit
 import exumob.simulation.checkpoint
+from exumob.coupling.explicit import Explicit
 from exumob.coupling.flow_code import BuiltInFlow
-from exumob.coupling.flow_in_loop import CfdHydrodynamics, FlowSpinUp
+from exumob.coupling.flow_in_loop import CfdHydrodynamics
 from exumob.coupling.remote import RemoteFlow
-from exumob.coupling.schemes import Explicit, SemiImplicit, Strong
+from exumob.coupling.semi_implicit import SemiImplicit
+from exumob.coupling.spin_up import FlowSpinUp
+from exumob.coupling.strong import Strong
 from exumob.driving.maneuver import LaneChange
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
@@ -75,8 +78,8 @@ class StandIn:
 
 
 def run(vehicle, sand, flow=None, duration=0.12, **options):
-    water_model = CfdHydrodynamics(flow or StandIn(), development=SHORT)
-    return simulate(vehicle, sand, WATER, QUICK, water_model, duration=duration, **(STEPS | options))
+    hydrodynamics = CfdHydrodynamics(flow or StandIn(), spin_up=SHORT)
+    return simulate(vehicle, sand, WATER, QUICK, hydrodynamics, duration=duration, **(STEPS | options))
 
 
 def assert_same(one, two):
@@ -119,7 +122,7 @@ def test_semi_implicit_scheme_notices_that_the_water_answers_more_strongly(vehic
     assert np.abs(result["acceleration"].values[:, 0, 2]).max() < 2.0 * 9.81
     measured = np.flatnonzero(result["coupling_iterations"].values > 1)
     assert measured[0] == 0 and 20 <= measured[1] <= 35 and len(measured) <= 4
-    monkeypatch.setattr(exumob.coupling.schemes, "SWINGS", 10**6)
+    monkeypatch.setattr(exumob.coupling.semi_implicit, "SIGN_REVERSALS", 10**6)
     try:
         stale = run(vehicle, sand, KeelGetsWet(), coupling=SemiImplicit())
     except SimulationError as error:
@@ -165,8 +168,8 @@ def test_linear_loads_keep_the_mean(vehicle, sand, scheme):
 def test_vehicle_and_water_at_rest_stay_at_rest(vehicle, sand):
     """The start: settled under the water's own loads, nothing moves when it is released (spec: 0.05 mm in 0.1 s)."""
     still = replace(QUICK, start=5.0, end=6.0, ramp_time=50.0)
-    water_model = CfdHydrodynamics(StandIn(), development=SHORT)
-    result = simulate(vehicle, sand, Water.at_ratio(0.6), still, water_model, duration=0.1, **STEPS)
+    hydrodynamics = CfdHydrodynamics(StandIn(), spin_up=SHORT)
+    result = simulate(vehicle, sand, Water.at_ratio(0.6), still, hydrodynamics, duration=0.1, **STEPS)
     assert np.abs(result["position"].values - result["position"].values[0]).max() < 5e-5
 
 
@@ -228,11 +231,11 @@ def test_stopped_and_resumed_run_is_the_single_run(vehicle, sand, tmp_path, sche
     """Ctrl-C at 0.055 s; explicit with the coefficient model, the others with a flow code that keeps a state."""
 
     def go(**options):
-        water_model = CoefficientHydrodynamics() if scheme is Explicit else CfdHydrodynamics(
-            StandIn(), development=SHORT
+        hydrodynamics = CoefficientHydrodynamics() if scheme is Explicit else CfdHydrodynamics(
+            StandIn(), spin_up=SHORT
         )  # fmt: skip
         return simulate(
-            vehicle, sand, WATER, QUICK, water_model, duration=0.08, coupling=scheme(), **STEPS, **options
+            vehicle, sand, WATER, QUICK, hydrodynamics, duration=0.08, coupling=scheme(), **STEPS, **options
         )  # fmt: skip
 
     file = tmp_path / "run.npz"
@@ -251,10 +254,10 @@ def test_own_flow_solver_resumes_with_the_same_bits(vehicle, sand, tmp_path):
     file = tmp_path / "run.npz"
 
     def go(**options):
-        water_model = CfdHydrodynamics(
-            BuiltInFlow(0.06, allow_coarse=True), development=FlowSpinUp(0.05, 0.04, 0.02, 4e-3)
+        hydrodynamics = CfdHydrodynamics(
+            BuiltInFlow(0.06, allow_coarse=True), spin_up=FlowSpinUp(0.05, 0.04, 0.02, 4e-3)
         )  # fmt: skip
-        return simulate(vehicle, sand, WATER, QUICK, water_model, duration=0.04, **STEPS, **options)
+        return simulate(vehicle, sand, WATER, QUICK, hydrodynamics, duration=0.04, **STEPS, **options)
 
     single = go()
     with pytest.raises(SimulationInterrupted):
@@ -264,7 +267,7 @@ def test_own_flow_solver_resumes_with_the_same_bits(vehicle, sand, tmp_path):
 
 def test_run_stopped_before_the_release_goes_on(vehicle, sand, tmp_path, monkeypatch):
     """Stopped while the water develops, and again, later, on the way to the second place of rest."""
-    monkeypatch.setattr("exumob.coupling.flow_in_loop.KEPT_EVERY", 0.03)
+    monkeypatch.setattr("exumob.coupling.flow_in_loop.SAVE_INTERVAL", 0.03)
     file = tmp_path / "run.npz"
     single = run(vehicle, sand, duration=0.01)
     begun = []
@@ -276,13 +279,13 @@ def test_run_stopped_before_the_release_goes_on(vehicle, sand, tmp_path, monkeyp
             if now > stop:
                 raise KeyboardInterrupt
 
-        water_model = CfdHydrodynamics(StandIn(), development=SHORT, progress=watched)
+        hydrodynamics = CfdHydrodynamics(StandIn(), spin_up=SHORT, progress=watched)
         given = {"duration": 0.01, "checkpoint": file, "resume": True, **STEPS}
         if math.isfinite(stop):
             with pytest.raises(KeyboardInterrupt):
-                simulate(vehicle, sand, WATER, QUICK, water_model, **given)
+                simulate(vehicle, sand, WATER, QUICK, hydrodynamics, **given)
         else:
-            assert_same(single, simulate(vehicle, sand, WATER, QUICK, water_model, **given))
+            assert_same(single, simulate(vehicle, sand, WATER, QUICK, hydrodynamics, **given))
         begun.append(times[0])
     assert begun[0] < -0.19
     assert -0.11 < begun[1] < -0.05

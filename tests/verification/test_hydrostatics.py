@@ -12,16 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from exumob.support.constants import GRAVITY
 from exumob.vehicle.parameters import load_vehicle
-from exumob.water.wetted_surface import (
-    body_surfaces,
-    box_surface,
-    cylinder_surface,
-    hull_surface,
-    hydrostatic_wrench,
-    mesh_triangles,
-    wetted,
-    wheel_surface,
-)
+from exumob.water.hydrostatics import hydrostatic_wrench, wetted
+from exumob.water.mesh_file import mesh_triangles
+from exumob.water.wetted_surface import body_surfaces, box_surface, cylinder_surface, hull_surface, wheel_surface
 
 DENSITY = 1000.0
 LENGTH, WIDTH, HEIGHT = 1.0, 0.44, 0.2
