@@ -44,7 +44,7 @@ def predicted_loads(
     inputs = network_inputs(body_states(run), water_of(run), architecture.inputs)
     back = architecture.stride * np.arange(architecture.taps - 1, -1, -1)
     windows = np.moveaxis(inputs[np.maximum(rows[:, None] - back, 0)], 2, 1)
-    loads = network.many_loads(windows)
+    loads = network.batch_wrenches(windows)
     loads = loads * (water_of(run).density / TRAINED_DENSITY)
     if architecture.base == "coefficients":
         loads = loads + (base_loads(run, vehicle) if base is None else base)[rows]
