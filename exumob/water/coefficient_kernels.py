@@ -122,7 +122,7 @@ def filter_time(macro_step: float, added_mass: float, mass: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def evaluate(
+def evaluate_wrenches(
     panels: BodyPanels, model: ModelParameters, motion: RecentMotion, filtered: Array, matrices: Array, parts: Array,
     filter_times: Array,
 ) -> None:  # fmt: skip

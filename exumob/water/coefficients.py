@@ -1,10 +1,10 @@
 """Water loads from published coefficients: hydrostatics, quasi-steady drag and added mass of five independent bodies.
 
-The reduced-order kind of model that the paper argues against, and so the baseline. What it leaves out: waves and wakes
-of the vehicle, the flow between hull, wheels and bed (blockage, shallow-water added mass), lift and the Munk moment,
-memory of the flow, slamming, the spin of the wheels. All published values are those of a single body in unbounded
-flow, the free surface being a mirror ("double body": hull and image have twice the area and twice the force, so that
-the same coefficient holds for the wetted half).
+This is the reduced-order kind of model that the paper argues against, and so the baseline. It leaves out the waves and
+wakes of the vehicle, the flow between hull, wheels and bed (blockage, shallow-water added mass), lift and the Munk
+moment, memory of the flow, slamming, and the spin of the wheels. All published values are those of a single body in
+unbounded flow; the free surface acts as a mirror ("double body": hull and image have twice the area and twice the
+force, so that the same coefficient holds for the wetted half).
 """
 
 from __future__ import annotations
@@ -22,8 +22,15 @@ from exumob.support.arrays import Array
 from exumob.support.checks import require_positive, require_within
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
-from exumob.water.coefficient_kernels import ADDED_MASS, DRAG, HYDROSTATIC, BodyPanels, ModelParameters, RecentMotion
-from exumob.water.coefficient_kernels import evaluate as evaluate_wrenches
+from exumob.water.coefficient_kernels import (
+    ADDED_MASS,
+    DRAG,
+    HYDROSTATIC,
+    BodyPanels,
+    ModelParameters,
+    RecentMotion,
+    evaluate_wrenches,
+)
 from exumob.water.conditions import Water
 from exumob.water.hydrostatics import WET_INTEGRALS, clipping_space, wet_integrals
 from exumob.water.wetted_surface import Surface, body_surfaces
@@ -33,7 +40,7 @@ Table = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True)
 class Coefficients:
-    """Published drag and added-mass coefficients, each of a plain shape like the body's [-].
+    """Published drag and added-mass coefficients, each of a simple shape that is like the body [-].
 
     A table is pairs of a ratio and a coefficient, linear in between and constant beyond its ends. Drag coefficients
     refer to the wetted projected area, force = C / 2 density area speed^2.
@@ -77,8 +84,8 @@ class Coefficients:
     """(In the wheel's plane, along its axle) over the displaced mass; None: the spheroid with the wheel's ratio of
     width to diameter, Lamb, Hydrodynamics (1932), Art. 114 and 373"""
     entry_draught: float = 0.010
-    """Draught over which drag and added mass of a body build up from zero [m]; ours: a level flat bottom would else
-    meet them at once. The slam itself is not modelled"""
+    """Draught over which drag and added mass of a body build up from zero [m], chosen by us: otherwise they would jump
+    when a level flat bottom touches the water. The slam itself is not modelled"""
 
     def __post_init__(self) -> None:
         require_positive("Coefficients", entry_draught=self.entry_draught)
@@ -96,18 +103,22 @@ class Coefficients:
 class CoefficientHydrodynamics:
     """Hydrostatics of the wetted geometry, quasi-steady drag and added mass with published coefficients.
 
-    Hydrostatics: exact for each body's surface as it lies in still water, taken half a macro step ahead (along the
-    body's present velocity) so that holding the load over the step does no work on a heaving body to first order.
-    Drag: on each cell of a surface and each body axis, -C/2 density area |u| u with the velocity u of the cell's wetted
-    centre relative to the current: the hull's cells are strips (cross-flow drag, with yaw rate), a wheel is one cell.
-    Added mass: minus the added-mass matrix of the present wetted geometry times the filtered acceleration (see
-    `filter_time`), the water's own flow being steady.
+    The hydrostatic part is exact for each body's surface as it lies in still water. It is taken half a macro step ahead
+    (along the body's present velocity), so that holding it over the step does no work on a heaving body to first order.
+
+    The drag acts on each cell of a surface along each body axis: -C/2 density area |u| u, with the velocity u of the
+    cell's wetted centre relative to the current. The hull's cells are half strips (cross-flow drag, with yaw rate); a
+    wheel is one cell.
+
+    The added-mass part is minus the added-mass matrix of the present wetted geometry times the filtered acceleration
+    (see `exumob.water.coefficient_kernels.filter_time`); the undisturbed flow is steady.
 
     Parameters
     ----------
-    coefficients : Coefficients
+    coefficients : Coefficients, optional
+        Default: the published values.
     pore_pressure : bool
-        False leaves out the water's pressure on what lies below the undisturbed soil surface.
+        False leaves out the water's pressure on the parts below the undisturbed soil surface.
     added_mass : bool
         False leaves out the added mass.
     """

@@ -55,19 +55,19 @@ class StandIn:
     def start(self, vehicle, water, poses, time):
         sizes = json.loads(parameters_json({"v": vehicle}))["v"]["Vehicle"]
         given = {"depth": water.depth, "density": water.density, "velocity": water.velocity.tolist()}
-        self.water = stand_in.Water(sizes, given)
-        self.water.start(self._arrays(poses), time)
+        self.boxes = stand_in.BoxFlow(sizes, given)
+        self.boxes.start(self._arrays(poses), time)
 
     def advance(self, time, poses):
         if time > self.fails_at:
             raise SimulationError("the licence server has gone")
-        return self.water.advance(time, self._arrays(poses))
+        return self.boxes.advance(time, self._arrays(poses))
 
     def save(self):
-        return self.water.save()
+        return self.boxes.save()
 
     def restore(self, saved):
-        self.water.restore(saved)
+        self.boxes.restore(saved)
 
     def report(self):
         return {"iterations": 1.0}
@@ -115,7 +115,7 @@ def test_semi_implicit_scheme_notices_that_the_water_answers_more_strongly(vehic
 
     class KeelGetsWet(StandIn):
         def advance(self, time, poses):
-            self.water.added = np.array([0.1, 0.5, 1.5]) * (1.0 if time > 0.02 else 0.02)
+            self.boxes.added = np.array([0.1, 0.5, 1.5]) * (1.0 if time > 0.02 else 0.02)
             return super().advance(time, poses)
 
     result = run(vehicle, sand, KeelGetsWet(), coupling=SemiImplicit())
@@ -310,7 +310,7 @@ def test_killed_run_loses_at_most_half_a_second(vehicle, sand, tmp_path):
     program = f"""
 from pathlib import Path
 from exumob import *
-from exumob.maneuver import LaneChange
+from exumob.driving.maneuver import LaneChange
 from vehicle_models.amphibious import amphibious_vehicle
 simulate(amphibious_vehicle(), Soil.published("LETE sand"), Water.at_ratio(0.6, 1.0), {QUICK!r}, duration=1.5,
          micro_step=5e-4, macro_step=5e-3, checkpoint={str(file)!r},
