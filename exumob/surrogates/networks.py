@@ -67,7 +67,7 @@ class Architecture:
     dense: int = 100
     """Units of the dense layer that follows"""
     degree: int = 3
-    """Of the polynomial"""
+    """Degree of the polynomial"""
     base: Literal["none", "coefficients"] = "none"
     """Model to whose wrenches those of the network are added"""
 

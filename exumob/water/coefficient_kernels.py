@@ -27,7 +27,7 @@ class BodyPanels(NamedTuple):
     cells: Integers
     """Cell of each triangle in its body, shape (triangles,)"""
     first_triangle: Integers
-    """Where each body begins, and the end, shape (6,)"""
+    """First triangle of each body, and the number of all, shape (6,)"""
     strip_beams: Array
     """Beam of each strip of the fully wetted hull [m], shape (strips,); a strip has a starboard and a port cell"""
 
@@ -36,31 +36,31 @@ class ModelParameters(NamedTuple):
     """All numbers of the coefficient model that stay the same during a run."""
 
     density: float
-    """Of the water [kg/m^3]"""
+    """Density of the water [kg/m^3]"""
     depth: float
-    """Of the still water [m]"""
+    """Depth of the still water [m]"""
     current: Array
     """Velocity of the undisturbed flow, world axes [m/s], shape (3,)"""
     macro_step: float
-    """[s]"""
+    """Interval over which the wrenches are held [s]"""
     entry_draught: float
     """Draught over which drag and added mass build up [m]"""
     hull_length: float
-    """Along x, from the surface [m]"""
+    """Extent of the hull's surface along x [m]"""
     hull_beam: float
-    """Along y, from the surface [m]"""
+    """Extent of the hull's surface along y [m]"""
     strip_length: float
-    """Of each strip of the hull [m]"""
+    """Length of each strip of the hull [m]"""
     heave_end_factor: float
     """Share of the strips' heave added mass that the flow round bow and stern leaves [-]"""
     roll_gyration: float
     """Radius of gyration of a section's heave added mass in roll, over half the beam [-]"""
     wheel_in_plane_added_mass: float
-    """In the wheel's plane, over the displaced mass [-]"""
+    """Added mass of a wheel in its plane, over the displaced mass [-]"""
     wheel_axial_added_mass: float
-    """Along the axle, over the displaced mass [-]"""
+    """Added mass of a wheel along its axle, over the displaced mass [-]"""
     drag_coefficients: Array
-    """Of each body along its x, y, z [-], shape (5, 3); nan: from `sway_drag`"""
+    """Drag coefficients of each body along its x, y, z [-], shape (5, 3); nan: from `sway_drag`"""
     sway_drag: Array
     """Ratios of beam to twice the draught, and drag coefficients of the hull's sections [-], shape (2, n)"""
     section_added_mass: Array
@@ -68,9 +68,9 @@ class ModelParameters(NamedTuple):
     rigid_masses: Array
     """Mass (three times) and principal moments of inertia of each body [kg, kg m^2], shape (5, 6)"""
     pore_pressure: bool
-    """Whether water presses on what lies below the soil surface"""
+    """True: the water's pressure acts below the soil surface too"""
     added_mass: bool
-    """Whether there is an added mass"""
+    """True: there is an added mass"""
 
 
 class RecentMotion(NamedTuple):
@@ -79,19 +79,19 @@ class RecentMotion(NamedTuple):
     since: float
     """Time of the last sample of the call before [s]"""
     time: Array
-    """[s], shape (m,)"""
+    """Times of the samples [s], shape (m,)"""
     rotation: Array
-    """Body -> world, shape (m, 5, 3, 3)"""
+    """Rotation matrices, body -> world, shape (m, 5, 3, 3)"""
     acceleration: Array
-    """Of the origins, world axes [m/s^2], shape (m, 5, 3)"""
+    """Accelerations of the origins, world axes [m/s^2], shape (m, 5, 3)"""
     angular_acceleration: Array
-    """World axes [rad/s^2], shape (m, 5, 3)"""
+    """Angular accelerations, world axes [rad/s^2], shape (m, 5, 3)"""
     position: Array
-    """Of the origins at the last sample, world axes [m], shape (5, 3)"""
+    """Positions of the origins at the last sample, world axes [m], shape (5, 3)"""
     velocity: Array
-    """Of the origins at the last sample, world axes [m/s], shape (5, 3)"""
+    """Velocities of the origins at the last sample, world axes [m/s], shape (5, 3)"""
     angular_velocity: Array
-    """At the last sample, world axes [rad/s], shape (5, 3)"""
+    """Angular velocities at the last sample, world axes [rad/s], shape (5, 3)"""
 
 
 @njit(cache=True, error_model="numpy")

@@ -30,7 +30,7 @@ class HorizontalMotion(NamedTuple):
     """Direction of the body's x axis in the horizontal plane, counter-clockwise from world x [rad]"""
     cos: Array
     sin: Array
-    """Of the heading [-]"""
+    """Cosine and sine of the heading [-]"""
     forward: Array
     """Velocity along the heading [m/s]"""
     lateral: Array

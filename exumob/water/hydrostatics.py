@@ -40,13 +40,13 @@ class Wetted:
     """Volumes and areas of a surface under water."""
 
     submerged_volume: float
-    """Below the water plane, soil included [m^3]"""
+    """Volume below the water plane, soil included [m^3]"""
     exposed_volume: float
-    """Between the soil surface and the water plane [m^3]"""
+    """Volume between the soil surface and the water plane [m^3]"""
     wetted_area: float
-    """Of the exposed part [m^2]"""
+    """Area of the exposed part [m^2]"""
     draught: float
-    """Depth of its lowest exposed point below the water plane [m]"""
+    """Depth of the lowest exposed point below the water plane [m]"""
     projected_area: Array
     """Half the integral of |n| over the exposed part, for the body's x, y, z [m^2], shape (3,): the frontal and lateral
     area, and the plan area of a fully immersed body (half of it when only the bottom is wet)"""
