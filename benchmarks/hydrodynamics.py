@@ -14,7 +14,8 @@ from exumob.vehicle.vehicle_file import load_vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.flow_states import flow_states
-from exumob.water.wetted_surface import N_SUMS, body_surfaces, wet_integrals
+from exumob.water.hydrostatics import WET_INTEGRALS, clipping_space, wet_integrals
+from exumob.water.wetted_surface import body_surfaces
 
 
 def standing(vehicle: Vehicle, n: int) -> BodyStates:
@@ -44,7 +45,7 @@ def main() -> dict[str, float]:
     vehicle = load_vehicle(Path(__file__).parents[1] / "vehicle_models" / "amphibious.py")
     water = Water.at_ratio(0.6, current_speed=1.0)
     history = standing(vehicle, 20)
-    up, scratch, sums = np.array([0.0, 0.0, 1.0]), np.empty((3, 9, 4)), np.zeros(N_SUMS)
+    up, scratch, totals = np.array([0.0, 0.0, 1.0]), clipping_space(), np.zeros(1, WET_INTEGRALS)
 
     costs = {}
     surfaces, heights = body_surfaces(vehicle), history.position[-1, :, 2]
@@ -52,7 +53,7 @@ def main() -> dict[str, float]:
 
     def integrate(body: int) -> None:
         surface = surfaces[body]
-        wet_integrals(surface.triangles, surface.cells, up, heights[body], water.depth, sums, areas[body], scratch)
+        wet_integrals(surface.triangles, surface.cells, up, heights[body], water.depth, totals, areas[body], scratch)
 
     costs["wet integrals, hull"] = microseconds(lambda: integrate(0))
     costs["wet integrals, one wheel"] = microseconds(lambda: integrate(1))

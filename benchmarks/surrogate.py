@@ -80,7 +80,7 @@ def main() -> None:
         values = np.ones(passes // 4, np.float32) if a.layer != "lstm" else np.ones(network.size // 4, np.float32)
         limit = best(lambda values=values: _read(values)) * passes / values.nbytes
         inputs = np.random.default_rng(2).uniform(0.0, 1.0, (5, a.taps, len(a.inputs)))
-        call = best(lambda network=network, inputs=inputs: network.loads(inputs))
+        call = best(lambda network=network, inputs=inputs: network.wrenches(inputs))
         model = SurrogateHydrodynamics(network, fallback=False)
         model.start(amphibious_vehicle(), Water(0.12, 1.0), 1e-3)
         whole = best(lambda model=model: model.wrenches(states, lambda: states))

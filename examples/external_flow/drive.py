@@ -5,7 +5,7 @@ import argparse
 from exumob import Soil, Water, lane_change, simulate, summary
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
 from exumob.coupling.remote import RemoteFlow
-from exumob.coupling.schemes import SemiImplicit
+from exumob.coupling.semi_implicit import SemiImplicit
 from vehicle_models.amphibious import amphibious_vehicle
 
 

@@ -42,13 +42,13 @@ from exumob.commands.shared import (
     whatever_was_computed,
     write_result,
 )
+from exumob.coupling.scheme import Coupling
 from exumob.simulation.settings import DURATION, SETTINGS, SOIL
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from exumob.coupling.flow_in_loop import CfdHydrodynamics
-    from exumob.coupling.schemes import Coupling
     from exumob.water.conditions import Water
     from exumob.water.hydrodynamics import Hydrodynamics
 
@@ -199,18 +199,20 @@ class FlowOptions:
 def _flow_in_loop(grid: FlowOptions, water: Water, progress: Callable[[float], None]) -> tuple[CfdHydrodynamics, float]:
     """Make the flow solver in the loop; the time before the release [s] comes with it."""
     from exumob.coupling.flow_code import BuiltInFlow
-    from exumob.coupling.flow_in_loop import CfdHydrodynamics, development_span
+    from exumob.coupling.flow_in_loop import CfdHydrodynamics
     from exumob.flow import FlowSettings
 
     flow = BuiltInFlow(
         grid.cell_size, settings=FlowSettings(threads=grid.threads), allow_coarse=grid.coarse, snapshots=grid.snapshots
     )
     model = CfdHydrodynamics(flow, progress=progress)
-    return model, development_span(model.development, water)
+    return model, model.spin_up.duration(water)
 
 
 def _scheme(name: Scheme) -> Coupling:
-    from exumob.coupling.schemes import Explicit, SemiImplicit, Strong
+    from exumob.coupling.explicit import Explicit
+    from exumob.coupling.semi_implicit import SemiImplicit
+    from exumob.coupling.strong import Strong
 
     return {Scheme.explicit: Explicit, Scheme.semi_implicit: SemiImplicit, Scheme.strong: Strong}[name]()
 

@@ -1,7 +1,8 @@
-"""What a flow code must offer to be coupled with the vehicle, and the own flow solver behind it.
+"""The interface of flow codes that are coupled with the vehicle, and the built-in flow solver behind it.
 
-Five functions, nothing else: a commercial or in-house code that has them drives the same runs as the own one
-(`CfdHydrodynamics(flow=...)`). A code in another process or on another machine: `exumob.coupling.remote`.
+A flow code advances in time with the moving bodies. Any commercial or in-house code that offers the five functions of
+`FlowCode` drives the same runs as the built-in solver: ``CfdHydrodynamics(flow=...)`` does everything else (spin-up,
+coupling, checkpoints). A code in another process or on another machine is reached by `exumob.coupling.remote`.
 """
 
 from __future__ import annotations
@@ -24,32 +25,69 @@ from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 
 CELL_SIZE = 0.0115
-"""Of the grid round the vehicle [m]: two cells in the gap between the hull and a front wheel at full lock."""
+"""Default cell size round the vehicle [m]: two cells in the gap between the hull and a front wheel at full lock."""
 
 
 class FlowCode(Protocol):
-    """A flow code as the coupling sees it: n moving bodies in, n wrenches out (the vehicle: n = 5).
+    """A flow code as the coupling sees it: the motion of n bodies in, n wrenches out (the vehicle: n = 5).
 
-    `Poses` are world axes (z up, z = 0 the bed) about each body's origin: the hull's centre of mass, the wheels'
-    centres; order of `exumob.vehicle.motion.BODIES`. An attribute ``parameters`` (a dict) puts a code's settings into the
-    result and into checkpoints.
+    `Poses` hold positions and velocities of all bodies at one instant, in world axes (z up, z = 0 the bed) about each
+    body's origin (the hull's centre of mass, the wheels' centres), in the order of `exumob.vehicle.motion.BODIES`. An
+    attribute ``parameters`` (a dict) is optional: it is kept in the result and compared when a run is resumed.
+
+    Examples
+    --------
+    The smallest flow code exerts no wrench at all:
+
+    >>> class NoFlow:
+    ...     def start(self, vehicle, water, poses, time): pass
+    ...     def advance(self, time, poses): return np.zeros((len(poses.position), 6))
+    ...     def save(self): return {}
+    ...     def restore(self, saved): pass
+    ...     def report(self): return {}
+
+    `examples/external_flow/stand_in.py` is one with buoyancy, drag and added mass.
     """
 
     def start(self, vehicle: Vehicle, water: Water, poses: Poses, time: float) -> None:
-        """Fill the domain with the undisturbed current round the bodies at their poses, at a time [s].
+        """Fill the domain with the undisturbed current round the bodies.
 
-        Called for every new run, and once before anything runs with the vehicle at ride height, so that input that
-        cannot be run is refused early (`ValueError`); also before `restore` when a run is resumed.
+        The function is called once before anything runs, with the vehicle at ride height, so that input that cannot be
+        run is refused early; then at the begin of every spin-up; and before `restore` when a run is resumed.
+
+        Parameters
+        ----------
+        vehicle : Vehicle
+            Its shapes and sizes.
+        water : Water
+            Depth, current and density.
+        poses : Poses
+            Where the bodies are, and how they move.
+        time : float
+            Time at which the flow begins [s]; negative: before the release at 0.
+
+        Raises
+        ------
+        ValueError
+            If the code cannot run this; the text names the remedy.
         """
 
     def advance(self, time: float, poses: Poses) -> Array:
-        """Go on to `time` [s] with the bodies moving to `poses` there; return the mean loads over the interval.
+        """Go on to a time with the bodies moving to new poses; called at least once a macro step.
+
+        Parameters
+        ----------
+        time : float
+            End of the interval [s]; it begins where the last call ended.
+        poses : Poses
+            Poses and velocities at that time. The code chooses its own time steps and the motion in between.
 
         Returns
         -------
         array, shape (n, 6)
-            Force [N] and moment about the body's origin [N m], both in the body's own axes. Means: what they leave out
-            of the impulse would be lost to vehicle and water together.
+            Mean wrench over the interval on each body: force [N] and moment about the body's origin [N m], both in the
+            body's own axes. It must be a mean: impulse that it leaves out is lost to vehicle and water
+            together.
 
         Raises
         ------
@@ -66,19 +104,22 @@ class FlowCode(Protocol):
         """
 
     def restore(self, saved: Any) -> None:
-        """Return to a state given by `save`: the same `advance` must give the same loads, bit for bit."""
+        """Return to a state given by `save`: the same `advance` must give the same wrenches, bit for bit."""
 
     def report(self) -> dict[str, float]:
-        """Figures of the last `advance` for the result, always the same names; may be empty."""
+        """Return figures of the last `advance` for the result, such as iterations and residual.
+
+        The names must always be the same; the dict may be empty. The result holds them under ``hydrodynamics_<name>``.
+        """
 
 
 class BuiltInFlow:
-    """The own flow solver (`exumob.flow.FlowSolver`) round a vehicle.
+    """The built-in flow solver (`exumob.flow.FlowSolver`) round a vehicle.
 
     Parameters
     ----------
     cell_size : float
-        Of the grid round the vehicle [m].
+        Cell size of the grid round the vehicle [m].
     grid : Grid, optional
         Default: `exumob.towing_tank.run.captive_grid`, the window of captive runs.
     settings : FlowSettings, optional
@@ -102,7 +143,7 @@ class BuiltInFlow:
             "cell_size": cell_size, "grid": None if grid is None else asdict(grid), "settings": asdict(settings),
             "closure": type(settings.closure).__name__, "allow_coarse": allow_coarse, "snapshots": snapshots,
         }  # fmt: skip
-        """What was chosen, as kept in results."""
+        """The chosen settings, as kept in results."""
         self.interval = snapshots
         self.snapshots: list[Snapshot] = []
         self._built: tuple[Vehicle, Water] | None = None
@@ -127,10 +168,10 @@ class BuiltInFlow:
 
     def advance(self, time: float, poses: Poses) -> Array:
         """See `FlowCode`."""
-        loads = self.solver.advance(time, poses)
+        wrenches = self.solver.advance(time, poses)
         if self.interval is not None and time >= (len(self.snapshots) * self.interval) - 1e-9:
             self.snapshots.append(Snapshot.of(self.solver, poses))
-        return loads
+        return wrenches
 
     def save(self) -> dict[str, Any]:
         """See `FlowCode`."""
@@ -142,10 +183,10 @@ class BuiltInFlow:
         self.snapshots = [Snapshot(**s) for s in saved["snapshots"]]
 
     def report(self) -> dict[str, float]:
-        """Sub-steps, pressure iterations and what they left, Courant number, halvings, water added by the far field."""
+        """Return sub-steps, pressure iterations, residual, Courant number, halvings, water that the far field added."""
         return asdict(self.solver.report) | {"volume_added": self.solver.volume_added}
 
     def record(self) -> dict[str, xr.DataArray]:
-        """The snapshots, as `exumob.flow.output.snapshots.snapshots_dataset` gives them."""
+        """Return the snapshots, as `exumob.flow.output.snapshots.snapshots_dataset` gives them."""
         found = snapshots_dataset(self.solver.grid, self.snapshots) if self.snapshots else xr.Dataset()
         return {str(name): value for name, value in found.data_vars.items()}

@@ -1,4 +1,4 @@
-"""A flow code in another process, or on another machine, as `FlowCode`: messages over a stream.
+"""A flow code in another process, or on another machine, as `FlowCode`: messages over a socket.
 
 The messages
 ------------
@@ -14,10 +14,11 @@ that the same state gives the same bits. Units, axes and order of bodies: `FlowC
 | `{"do": "restore", "state": what save gave}` | `{}` |
 | `{"do": "stop"}` | `{}`, then the code may end |
 
-`vehicle` holds all fields of `exumob.vehicle.parameters.Vehicle`; `water` depth [m], density [kg/m^3] and velocity [m/s], three
-components; `P` is `{"position": n x 3, "rotation": n x 3 x 3, "velocity": n x 3, "angular_velocity": n x 3,
-"spin": n}`. A code that cannot go on answers `{"error": "why, and what to do"}`: to "start" this becomes a
-ValueError, to anything else a SimulationError.
+`vehicle` holds all fields of `exumob.vehicle.parameters.Vehicle`; `water` holds depth [m], density [kg/m^3] and
+velocity [m/s], three components; `P` is `{"position": n x 3, "rotation": n x 3 x 3, "velocity": n x 3,
+"angular_velocity": n x 3, "spin": n}`; `loads` are the mean wrenches on the n bodies. A code that cannot go on answers
+`{"error": "why, and what to do"}`: as the answer to "start" this becomes a ValueError, to anything else a
+SimulationError.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from exumob.water.conditions import Water
 
 LENGTH = struct.Struct(">I")
 LONGEST = 2**31
-"""Longest message taken for one [bytes]; states belong into files of the flow code's own beyond that."""
+"""Longest message that is accepted [bytes]; a code with larger states saves them in files of its own."""
 
 
 class RemoteFlow:
@@ -53,7 +54,7 @@ class RemoteFlow:
     timeout : float
         Longest wait for one answer [s]; a flow step may take long.
     parameters : dict, optional
-        What describes the code and its settings: kept in results and compared when a run is resumed.
+        Description of the code and its settings: kept in results and compared when a run is resumed.
     """
 
     def __init__(
@@ -72,7 +73,7 @@ class RemoteFlow:
         Raises
         ------
         ValueError
-            If nobody listens, or the code refuses.
+            If nothing listens at the address, or the code refuses.
         """
         if self._socket is None:
             try:
@@ -86,7 +87,7 @@ class RemoteFlow:
         question = {
             "vehicle": json.loads(parameters_json({"vehicle": vehicle}))["vehicle"]["Vehicle"],
             "water": {"depth": water.depth, "density": water.density, "velocity": water.velocity.tolist()},
-            "poses": _plain(poses), "time": time,
+            "poses": _as_lists(poses), "time": time,
         }  # fmt: skip
         try:
             self._ask("start", **question)
@@ -95,14 +96,14 @@ class RemoteFlow:
 
     def advance(self, time: float, poses: Poses) -> Array:
         """See `FlowCode`."""
-        answer = self._ask("advance", time=time, poses=_plain(poses))
+        answer = self._ask("advance", time=time, poses=_as_lists(poses))
         self._report = {name: float(value) for name, value in answer.get("report", {}).items()}
-        loads = np.asarray(answer.get("loads"), dtype=float)
-        if loads.shape != (len(poses.position), 6):
+        wrenches = np.asarray(answer.get("loads"), dtype=float)
+        if wrenches.shape != (len(poses.position), 6):
             raise SimulationError(
-                f"RemoteFlow: loads of shape {loads.shape} came back; it must be ({len(poses.position)}, 6)."
+                f"RemoteFlow: loads of shape {wrenches.shape} came back; it must be ({len(poses.position)}, 6)."
             )
-        return loads
+        return wrenches
 
     def save(self) -> Any:
         """See `FlowCode`; as text, so that it can be anything that JSON can hold."""
@@ -113,11 +114,11 @@ class RemoteFlow:
         self._ask("restore", state=json.loads(saved))
 
     def report(self) -> dict[str, float]:
-        """What the code said of its last advance."""
+        """Return the figures that the code reported with its last advance."""
         return self._report
 
     def close(self) -> None:
-        """Tell the code that it may end."""
+        """Tell the code that it may end, and close the connection."""
         if self._socket is not None:
             try:
                 self._ask("stop")
@@ -127,6 +128,7 @@ class RemoteFlow:
             self._socket = None
 
     def _ask(self, what: str, **question: Any) -> dict[str, Any]:
+        """Send a question and return its answer; SimulationError if the code is lost or answers with an error."""
         if self._socket is None:
             raise SimulationError("RemoteFlow: not connected; call start first.")
         try:
@@ -147,16 +149,17 @@ def send(stream: socket.socket, message: dict[str, Any]) -> None:
 
 def receive(stream: socket.socket) -> dict[str, Any]:
     """Read one message; EOFError if the other side has gone."""
-    (length,) = LENGTH.unpack(_exactly(stream, LENGTH.size))
+    (length,) = LENGTH.unpack(_read_bytes(stream, LENGTH.size))
     if length > LONGEST:
         raise ValueError(f"a message of {length} bytes is longer than {LONGEST}; is this the right port?")
-    message = json.loads(_exactly(stream, length))
+    message = json.loads(_read_bytes(stream, length))
     if not isinstance(message, dict):
         raise ValueError("a message must be one JSON object")
     return message
 
 
-def _exactly(stream: socket.socket, count: int) -> bytes:
+def _read_bytes(stream: socket.socket, count: int) -> bytes:
+    """Read so many bytes, however they arrive; EOFError if the connection ends before."""
     parts = bytearray()
     while len(parts) < count:
         part = stream.recv(min(count - len(parts), 1 << 20))
@@ -166,5 +169,6 @@ def _exactly(stream: socket.socket, count: int) -> bytes:
     return bytes(parts)
 
 
-def _plain(poses: Poses) -> dict[str, Any]:
+def _as_lists(poses: Poses) -> dict[str, Any]:
+    """Return the fields of poses as nested lists, for JSON."""
     return {f.name: getattr(poses, f.name).tolist() for f in fields(Poses)}

@@ -20,9 +20,8 @@ from scipy.spatial.transform import Rotation
 from exumob.simulation.result_files import load_dataset
 from exumob.support.arrays import Array
 from exumob.support.smoothing import WINDOW, smoothed, window_samples
-from exumob.vehicle.motion import HISTORY_STEP, BodyStates
 from exumob.surrogates.networks import Architecture
-from exumob.vehicle.motion import BodyStates
+from exumob.vehicle.motion import HISTORY_STEP, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water

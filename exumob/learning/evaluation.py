@@ -57,7 +57,7 @@ def predicted_loads(
     """
     architecture = network.architecture
     inputs = network_inputs(body_states(run), water_of(run), architecture.inputs)
-    loads = network.many_loads(np.moveaxis(windows(inputs, rows, architecture), 2, 1))
+    loads = network.batch_wrenches(np.moveaxis(windows(inputs, rows, architecture), 2, 1))
     loads = loads * (water_of(run).density / TRAINED_DENSITY)
     if architecture.base == "coefficients":
         loads = loads + (base_loads(run, vehicle) if base is None else base)[rows]

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from exumob.coupling.schemes import Coupling
+from exumob.coupling.scheme import Coupling
 from exumob.multibody.system import MultibodyVehicle, SavedState
 from exumob.simulation.description import RunDescription
 from exumob.support.files import PACKAGE, atomic_write
@@ -118,7 +118,7 @@ class Checkpoints:
                     "anew."
                 )
         self.released = self.found and int(head["step"]) >= 0
-        self.development: Any = read(file)[1]["development"] if self.found and not self.released else None
+        self.spin_up: Any = read(file)[1]["spin_up"] if self.found and not self.released else None
 
     def resume(self, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling) -> int:
         """Bring all to the state of the file; return the number of macro steps done."""
@@ -130,9 +130,9 @@ class Checkpoints:
         logger.info("%s: goes on from %.3f s", self.file, model.time)
         return steps
 
-    def keep_development(self, saved: Any) -> None:
+    def keep_spin_up(self, saved: Any) -> None:
         """Write the state of the water before the release."""
-        write(self.file, -1, {"development": saved}, self.fingerprint, self._elapsed())
+        write(self.file, -1, {"spin_up": saved}, self.fingerprint, self._elapsed())
 
     def before_step(
         self, step: int, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
-from exumob.coupling.schemes import Coupling
+from exumob.coupling.scheme import Coupling
 from exumob.driving.maneuver import Maneuver
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain

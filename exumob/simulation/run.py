@@ -9,7 +9,9 @@ from pathlib import Path
 
 import xarray as xr
 
-from exumob.coupling.schemes import Coupling, Explicit, SemiImplicit, wrenches
+from exumob.coupling.explicit import Explicit
+from exumob.coupling.scheme import Coupling, checked_wrenches
+from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.driving.maneuver import Maneuver, lane_change
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
@@ -27,7 +29,7 @@ from exumob.support.errors import SimulationError, SimulationInterrupted
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
-from exumob.water.hydrodynamics import DevelopedHydrodynamics, Hydrodynamics
+from exumob.water.hydrodynamics import Hydrodynamics, SpinUpHydrodynamics
 
 logger = logging.getLogger(__name__)
 
@@ -105,7 +107,7 @@ def simulate(
     terrain = terrain or Terrain()
     if isinstance(hydrodynamics, str):
         hydrodynamics = hydrodynamics_named(hydrodynamics, vehicle, water)
-    in_loop = isinstance(hydrodynamics, DevelopedHydrodynamics)
+    in_loop = isinstance(hydrodynamics, SpinUpHydrodynamics)
     usual_micro_step, usual_macro_step = setting_named(setting).steps(in_loop)
     steps = Steps(
         duration,
@@ -197,18 +199,18 @@ def _warn_of_keel(vehicle: Vehicle, result: xr.Dataset) -> None:
 def _settle(model: MultibodyVehicle, run: RunDescription, store: Checkpoints | None) -> None:
     """Find the static equilibrium of the vehicle with the loads of the water; it is the state at time 0."""
     hydrodynamics = run.hydrodynamics
-    if isinstance(hydrodynamics, DevelopedHydrodynamics):
+    if isinstance(hydrodynamics, SpinUpHydrodynamics):
 
         def settle(load: Callable[[BodyStates], Array]) -> BodyStates:
             model.settle(load)
             return model.present()
 
-        keep = (lambda saved: None) if store is None else store.keep_development
-        begun = None if store is None else store.development
-        hydrodynamics.develop(run.vehicle, run.water, run.steps.macro_step, settle, keep, begun)
+        keep = (lambda saved: None) if store is None else store.keep_spin_up
+        begun = None if store is None else store.spin_up
+        hydrodynamics.run_spin_up(run.vehicle, run.water, run.steps.macro_step, settle, keep, begun)
         return
     hydrodynamics.start(run.vehicle, run.water, SETTLING_STEP)
-    model.settle(lambda states: wrenches(hydrodynamics, states, lambda: states))
+    model.settle(lambda states: checked_wrenches(hydrodynamics, states, lambda: states))
 
 
 def _keep(store: Checkpoints | None, model: MultibodyVehicle, run: RunDescription) -> None:

@@ -1,1 +1,1 @@
-"""Networks in place of the flow solver: their inputs, their evaluation without torch, the model in the loop."""
+"""Networks in place of the flow solver: input features, evaluation without torch, the hydrodynamics model."""

@@ -1,7 +1,7 @@
-"""What a network is told of each body: quantities by name, the same when it learns and in the loop.
+"""Input features of the networks: quantities by name, the same in training and in the loop.
 
-`PAPER_INPUTS` are the five states of paper Eq. (7). The others add what the water feels besides: how fast the body
-moves through the water, how it turns, how deep it lies and how it is tilted.
+`PAPER_INPUTS` are the five states of paper Eq. (7). The others add quantities on which the water's wrenches depend
+besides: velocities through the water, rates of rotation, immersion and tilt.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import numpy as np
 from exumob.support.arrays import Array
 from exumob.vehicle.motion import BodyStates
 from exumob.water.conditions import Water
-from exumob.water.flow_states import FLOW_STATE_UNITS, FLOW_STATES, flow_states
+from exumob.water.flow_states import FLOW_STATE_UNITS, FLOW_STATES, flow_states, horizontal_motion
 
 
 class Input(NamedTuple):
-    """One input of a network."""
+    """One input feature of a network."""
 
     unit: str
     mirror: int
-    """1, or -1: it changes its sign when the motion is mirrored in the plane of symmetry"""
+    """-1: the feature changes its sign when the motion is mirrored in the plane of symmetry; 1: it does not"""
     meaning: str
 
 
@@ -46,17 +46,17 @@ INPUTS = {
     "hull_yaw_rate": Input("rad/s", -1, "of the hull"),
     "hull_attack": Input("rad", -1, "angle of attack of the hull"),
 }
-"""Everything that a network can be told, by name."""
+"""All input features, by name."""
 PAPER_INPUTS = FLOW_STATES
-"""Eq. (7)."""
+"""Input features of the paper, Eq. (7)."""
 MIRRORED_BODIES = (0, 2, 1, 4, 3)
-"""Where each body is found in the mirrored motion."""
+"""Index of the body that takes each body's place in the mirrored motion."""
 MIRRORED_LOADS = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 """Signs of a wrench (Fx, Fy, Fz, Mx, My, Mz) in the mirrored motion."""
 
 
 def network_inputs(states: BodyStates, water: Water, names: Sequence[str]) -> Array:
-    """Inputs of the five networks.
+    """Return the input features of the five networks.
 
     Parameters
     ----------
@@ -64,12 +64,12 @@ def network_inputs(states: BodyStates, water: Water, names: Sequence[str]) -> Ar
         n instants.
     water : Water
     names : sequence of str
-        Of `INPUTS`.
+        Names from `INPUTS`.
 
     Returns
     -------
     array, shape (n, 5, len(names))
-        Instant, body, input, in the units of `INPUTS`.
+        Instant, body, feature, in the units of `INPUTS`.
 
     Raises
     ------
@@ -81,41 +81,39 @@ def network_inputs(states: BodyStates, water: Water, names: Sequence[str]) -> Ar
         raise ValueError(f"network input {unknown[0]!r} is not known; use {', '.join(INPUTS)}.")
     found: dict[str, Array] = dict(zip(FLOW_STATES, np.moveaxis(flow_states(states, water), -1, 0), strict=True))
     if not set(names) <= set(found):
-        found |= _further(states, water, found)
+        found |= _additional_features(states, water, found)
     return np.stack([found[name] for name in names], axis=-1)
 
 
 def mirror_signs(names: Sequence[str]) -> Array:
-    """Signs of inputs in the mirrored motion, shape (len(names),)."""
+    """Return the signs of input features in the mirrored motion, shape (len(names),)."""
     return np.array([float(INPUTS[name].mirror) for name in names])
 
 
-def _further(states: BodyStates, water: Water, flow: dict[str, Array]) -> dict[str, Array]:
-    turn = states.rotation
-    heading = np.arctan2(turn[..., 1, 0], turn[..., 0, 0])
-    cos, sin = np.cos(heading), np.sin(heading)
-    east, north = states.velocity[..., 0], states.velocity[..., 1]
-    forward, lateral = cos * east + sin * north, cos * north - sin * east
-    current_east, current_north, _ = water.velocity
-    spin = np.einsum("nbij,nbi->nbj", turn, states.angular_velocity)
+def _additional_features(states: BodyStates, water: Water, flow: dict[str, Array]) -> dict[str, Array]:
+    """Return all features that are not among the flow states of Eq. (7); `flow` holds those."""
+    rotation = states.rotation
+    heading, cos, sin, forward, lateral = horizontal_motion(states)
+    current_x, current_y, _ = water.velocity
+    angular_velocity = np.einsum("nbij,nbi->nbj", rotation, states.angular_velocity)  # body axes
     steering = np.arctan2(np.sin(heading[:, 1:3] - heading[:, :1]), np.cos(heading[:, 1:3] - heading[:, :1]))
 
-    def everywhere(value: Array) -> Array:
+    def for_all_bodies(value: Array) -> Array:
         return np.broadcast_to(value[:, None], heading.shape)
 
     return {
-        "forward_flow": forward - cos * current_east - sin * current_north,
-        "lateral_flow": lateral - cos * current_north + sin * current_east,
+        "forward_flow": forward - cos * current_x - sin * current_y,
+        "lateral_flow": lateral - cos * current_y + sin * current_x,
         "forward_speed": forward,
         "lateral_speed": lateral,
         "yaw_rate": states.angular_velocity[..., 2],
-        "roll_rate": spin[..., 0],
-        "pitch_rate": spin[..., 1],
+        "roll_rate": angular_velocity[..., 0],
+        "pitch_rate": angular_velocity[..., 1],
         "heave_rate": states.velocity[..., 2],
         "immersion": water.depth - states.position[..., 2],
-        "roll": turn[..., 2, 1],
-        "pitch": -turn[..., 2, 0],
-        "steering": everywhere(steering.mean(axis=1)),
-        "hull_yaw_rate": everywhere(states.angular_velocity[:, 0, 2]),
-        "hull_attack": everywhere(flow["angle_of_attack"][:, 0]),
+        "roll": rotation[..., 2, 1],
+        "pitch": -rotation[..., 2, 0],
+        "steering": for_all_bodies(steering.mean(axis=1)),
+        "hull_yaw_rate": for_all_bodies(states.angular_velocity[:, 0, 2]),
+        "hull_attack": for_all_bodies(flow["angle_of_attack"][:, 0]),
     }

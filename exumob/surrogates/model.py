@@ -1,9 +1,9 @@
-"""LSTM-MBD: trained networks as the water of the vehicle (paper Secs. 3 and 5), with error bars and known limits.
+"""LSTM-MBD: trained networks as a hydrodynamics model (paper Secs. 3 and 5), with error bars and known limits.
 
-What the vehicle feels is the mean of an ensemble's members; their spread is the error bar. Outside the range of the
-training runs networks say anything: there the loads are blended into those of the coefficient model, and the result
-says where and how far. In macro steps of more than 2 ms the networks' part goes half way to each new answer
-(`HALFWAY`).
+The wrenches on the vehicle are the mean of an ensemble's members; their spread is the error bar. Networks do not
+extrapolate: outside the range of the training runs their wrenches are blended into those of the coefficient model, and
+the result records where and how far. In macro steps of more than 2 ms the networks' part moves half way to each new
+answer (`RELAXED_STEP`).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
 from exumob.surrogates.inputs import network_inputs
@@ -26,33 +27,33 @@ from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 
 OUTSIDE = 0.02
-"""Excess (`NetworkSet.excess`) from which a state counts as outside the training range."""
+"""Excess (`NetworkSet.excess`) from which a state counts as outside the training range [-]."""
 BLEND = (0.1, 0.5)
-"""Excess at which the coefficient model begins to take over, and from which it acts alone."""
-HALFWAY = 2.0e-3
-"""Macro step above which the networks' part of the loads goes half of the way to their new answer [s].
+"""Excess at which the coefficient model begins to take over, and from which it acts alone [-]."""
+RELAXED_STEP = 2.0e-3
+"""Macro step above which the networks' part of the wrenches moves half way to their new answer [s].
 
-Networks answer to velocities; held over 20 ms that answer is a delayed damper, and one that is strong for a wheel's
-mass chatters from step to step: +-1 N of 110 N in D60/U1."""
-MOVING = 0.05
-"""Speed below which a body counts as at rest where the training range is looked at [m/s]: the sideslip angle of a
-vehicle that hardly moves is arbitrary."""
+Networks answer to velocities. Held over 20 ms that answer is a delayed damper, which is strong for a wheel's mass and
+makes the wrench alternate from step to step: by 1 N of 110 N in D60/U1."""
+MOVING_SPEED = 0.05
+"""Speed of the hull below which a state is compared with the training range as one at rest [m/s]: the sideslip angle of
+a vehicle that hardly moves is arbitrary."""
 
 
 class SurrogateHydrodynamics:
-    """Networks that give the water's loads on the five bodies.
+    """Trained networks that give the water's wrenches on the five bodies.
 
     Parameters
     ----------
     networks : NetworkSet, path, or a sequence of them, optional
-        Members of an ensemble. Default: those that come with exumob (`shipped_networks`).
+        Members of an ensemble, or their files. Default: those that come with exumob (`shipped_networks`).
     fallback : bool
-        False: the networks alone act, however far outside their range.
+        True: the coefficient model takes over outside the networks' range. False: the networks alone act.
 
     Raises
     ------
     ValueError
-        If a file is not one of networks; at `start`, if they were trained for another vehicle.
+        If a file holds no networks; at `start`, if they were trained for another vehicle.
     """
 
     def __init__(
@@ -69,13 +70,13 @@ class SurrogateHydrodynamics:
         self.parameters = {
             "networks": [{"name": n.name, "digest": n.digest()} for n in self.networks], "fallback": fallback
         }  # fmt: skip
-        """What was chosen, as kept in results."""
+        """The chosen settings, as kept in results."""
         groups: dict[Architecture, list[NetworkSet]] = {}
         for network in self.networks:
             groups.setdefault(network.architecture, []).append(network)
-        self._groups = [(NetworkSet.together(group), len(group)) for group in groups.values()]
+        self._groups = [(NetworkSet.stacked(group), len(group)) for group in groups.values()]
         self._water: Water | None = None
-        self._last: Array | None = None
+        self._last_learnt: Array | None = None
 
     def start(self, vehicle: Vehicle, water: Water | None, macro_step: float) -> None:
         """Check that the networks fit the vehicle, and forget any earlier run."""
@@ -84,7 +85,7 @@ class SurrogateHydrodynamics:
         self._spread: list[Array] = []
         self._excess: list[Array] = []
         self._fallback: list[Array] = []
-        self._halfway, self._last = macro_step > HALFWAY, None
+        self._relaxed, self._last_learnt = macro_step > RELAXED_STEP, None
         if water is None:
             return
         for network in self.networks:
@@ -92,7 +93,7 @@ class SurrogateHydrodynamics:
             steps = macro_step / SAMPLING
             if network.architecture.taps > 1 and abs(steps - round(steps)) > 1e-6:
                 raise ValueError(
-                    f"networks ({network.name}) see the past every {1e3 * SAMPLING:g} ms; macro_step = "
+                    f"networks ({network.name}) sample the past every {1e3 * SAMPLING:g} ms; macro_step = "
                     f"{1e3 * macro_step:g} ms must be a whole multiple of it."
                 )
         based = any(n.architecture.base == "coefficients" for n in self.networks)
@@ -101,52 +102,62 @@ class SurrogateHydrodynamics:
             self._coefficients.start(vehicle, water, macro_step)
 
     def wrenches(self, history: BodyStates, predict: Callable[[], BodyStates]) -> Array:
-        """Loads for the macro step that begins now; `predict` is not called. See `Hydrodynamics`."""
+        """Return the wrenches for the macro step that begins now; `predict` is not called. See `Hydrodynamics`."""
         water = self._water
         if water is None:
             return np.zeros((5, 6))
         base = None if self._coefficients is None else self._coefficients.wrenches(history, predict)
         if len(history) == 1:  # no past: it settles, or is about to be released
-            history = _at_rest(history)
-        resting = np.hypot(history.velocity[-1, 0, 0], history.velocity[-1, 0, 1]) < MOVING
-        members, excess = [], []
-        for networks, count in self._groups:
-            seen = networks.architecture
-            rows = window_rows(history.time, seen.taps, seen.stride)
-            inputs = np.moveaxis(network_inputs(_rows(history, rows), water, seen.inputs), 0, 1)
-            window = np.tile(inputs, (count, 1, 1))
-            loads = networks.loads(window).reshape(count, 5, 6) * (water.density / TRAINED_DENSITY)
-            if seen.base == "coefficients":
-                assert base is not None
-                loads = loads + base
-            members.append(loads)
-            present = window[:, -1]
-            if resting:
-                still = network_inputs(_at_rest(_rows(history, np.array([-1]))), water, seen.inputs)
-                present = np.tile(still[0], (count, 1))
-            excess.append(networks.excess(present).reshape(count, 5, 2))
-        found = np.concatenate(members)
-        outside = np.concatenate(excess).mean(axis=0)
-        learnt = found.mean(axis=0) if base is None else found.mean(axis=0) - base
-        if self._halfway and self._last is not None and len(history) > 1:
-            learnt = 0.5 * (learnt + self._last)
-        self._last = learnt
-        loads = learnt if base is None else learnt + base
+            history = _with_zero_velocities(history)
+        members, excess = self._answers(history, water, base)
+        learnt = members.mean(axis=0) if base is None else members.mean(axis=0) - base
+        if self._relaxed and self._last_learnt is not None and len(history) > 1:
+            learnt = 0.5 * (learnt + self._last_learnt)
+        self._last_learnt = learnt
+        wrenches = learnt if base is None else learnt + base
         share = np.zeros(5)
         if self.fallback:
             assert base is not None
-            share = np.clip((outside.max(axis=-1) - BLEND[0]) / (BLEND[1] - BLEND[0]), 0.0, 1.0)
-            share = share * share * (3.0 - 2.0 * share)
-            loads = (1.0 - share[:, None]) * loads + share[:, None] * base
+            share = _fallback_share(excess)
+            wrenches = (1.0 - share[:, None]) * wrenches + share[:, None] * base
         self._times.append(float(history.time[-1]))
-        self._spread.append(found.std(axis=0, ddof=1) if len(found) > 1 else np.zeros((5, 6)))
-        self._excess.append(outside)
+        self._spread.append(members.std(axis=0, ddof=1) if len(members) > 1 else np.zeros((5, 6)))
+        self._excess.append(excess)
         self._fallback.append(share)
-        return loads
+        return wrenches
+
+    def _answers(self, history: BodyStates, water: Water, base: Array | None) -> tuple[Array, Array]:
+        """Ask all members.
+
+        Returns
+        -------
+        array, shape (members, 5, 6)
+            Wrenches, with those of the base model [N, N m].
+        array, shape (5, 2)
+            Excess over the training range (`NetworkSet.excess`), mean of the members [-].
+        """
+        at_rest = np.hypot(history.velocity[-1, 0, 0], history.velocity[-1, 0, 1]) < MOVING_SPEED
+        members, excess = [], []
+        for networks, count in self._groups:
+            architecture = networks.architecture
+            rows = window_rows(history.time, architecture.taps, architecture.stride)
+            inputs = np.moveaxis(network_inputs(_select_rows(history, rows), water, architecture.inputs), 0, 1)
+            window = np.tile(inputs, (count, 1, 1))
+            wrenches = networks.wrenches(window).reshape(count, 5, 6) * (water.density / TRAINED_DENSITY)
+            if architecture.base == "coefficients":
+                assert base is not None
+                wrenches = wrenches + base
+            members.append(wrenches)
+            present = window[:, -1]
+            if at_rest:
+                now = _with_zero_velocities(_select_rows(history, np.array([-1])))
+                present = np.tile(network_inputs(now, water, architecture.inputs)[0], (count, 1))
+            excess.append(networks.excess(present).reshape(count, 5, 2))
+        return np.concatenate(members), np.concatenate(excess).mean(axis=0)
 
     def save(self, histories: bool = True) -> dict[str, Any]:
         """Return the coefficient model's state and the record, or its length only."""
-        saved: dict[str, Any] = {"count": len(self._times), "last": self._last}
+        saved: dict[str, Any] = {"count": len(self._times), "last_learnt": self._last_learnt}
         if self._water is not None and self._coefficients is not None:
             saved["coefficients"] = self._coefficients.save(histories)
         if histories:
@@ -160,16 +171,16 @@ class SurrogateHydrodynamics:
         """Return to a state given by `save`; a record kept after it is dropped."""
         if self._water is not None and self._coefficients is not None:
             self._coefficients.restore(saved["coefficients"])
-        self._last = None if saved["last"] is None else np.array(saved["last"])
+        self._last_learnt = None if saved["last_learnt"] is None else np.array(saved["last_learnt"])
         if "times" in saved:
             self._times = [float(t) for t in saved["times"]]
             self._spread, self._excess = list(saved["spread"]), list(saved["excess"])
             self._fallback = list(saved["fallback"])
-        for kept in (self._times, self._spread, self._excess, self._fallback):
-            del kept[saved["count"] :]
+        for series in (self._times, self._spread, self._excess, self._fallback):
+            del series[saved["count"] :]
 
     def record(self) -> dict[str, xr.DataArray]:
-        """Error bars of the loads, distance from the training range and share of the coefficient model."""
+        """Return error bars of the wrenches, distance from the training range and share of the coefficient model."""
         if not self._times:
             return {}
         time = xr.Variable("macro_time", self._times, {"units": "s", "long_name": "start of the macro step"})
@@ -198,16 +209,23 @@ class SurrogateHydrodynamics:
 
 
 def shipped_networks() -> list[Path]:
-    """Files of the networks that come with exumob: for the amphibious vehicle, 40 to 60 % depth, 0 to 1 m/s ahead."""
+    """Return the files of the shipped networks: for the amphibious vehicle, 40 to 60 % depth, 0 to 1 m/s ahead."""
     folder = Path(str(resources.files("exumob") / "surrogates" / "weights"))
     return sorted(folder.glob("*.safetensors"))
 
 
-def _at_rest(states: BodyStates) -> BodyStates:
-    """Without the small motions of settling, whose directions would be taken for sideslip angles."""
-    still = np.zeros_like(states.velocity)
-    return replace(states, velocity=still, angular_velocity=still)
+def _fallback_share(excess: Array) -> Array:
+    """Return the share of the coefficient model [-], shape (5,), for an excess of shape (5, 2)."""
+    share = np.clip((excess.max(axis=-1) - BLEND[0]) / (BLEND[1] - BLEND[0]), 0.0, 1.0)
+    return share * share * (3.0 - 2.0 * share)
 
 
-def _rows(history: BodyStates, rows: np.ndarray) -> BodyStates:
+def _with_zero_velocities(states: BodyStates) -> BodyStates:
+    """Return states without the small motions of settling, whose directions would be taken for sideslip angles."""
+    zero = np.zeros_like(states.velocity)
+    return replace(states, velocity=zero, angular_velocity=zero)
+
+
+def _select_rows(history: BodyStates, rows: NDArray[np.intp]) -> BodyStates:
+    """Return the states of some rows of a history."""
     return BodyStates(*(getattr(history, name)[rows] for name in history.__dataclass_fields__))

@@ -1,4 +1,4 @@
-"""Free bodies coupled to the flow by the schemes of `exumob.coupling.schemes`: theory, stability, momentum.
+"""Free bodies coupled to the flow by the schemes of `exumob.coupling`: theory, stability, momentum.
 
 Limits, written down first: fall through air exact to 1e-9; first acceleration of a sphere in water 5 % (its added mass
 at five cells to the radius is met to 4 %); heave period of the floating box 2 % (as in `floating`); schemes that
@@ -17,8 +17,11 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
+from exumob.coupling.explicit import Explicit
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
-from exumob.coupling.schemes import Coupling, Explicit, SemiImplicit, Strong
+from exumob.coupling.scheme import Coupling
+from exumob.coupling.semi_implicit import SemiImplicit
+from exumob.coupling.strong import Strong
 from exumob.driving.maneuver import LaneChange
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, Solid, box, sphere
 from exumob.ground.soil import Soil

@@ -1,4 +1,4 @@
-"""A free rigid body as the moving side of a coupling (`exumob.coupling.schemes.Mechanism`), without a multibody code."""
+"""A free rigid body as the moving side of a coupling (`exumob.coupling.scheme.Mechanism`), without a multibody code."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The water, the interface of all models of its loads, and the reduced-order model (hydrostatics and coefficients)."""
+"""The water: its depth and current, the interface of hydrodynamics models, hydrostatics and the coefficient model."""

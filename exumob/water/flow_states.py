@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from exumob.vehicle.motion import BodyStates
 from exumob.water.conditions import Water
 
 FLOW_STATES = ("sideslip_angle", "angle_of_attack", "speed", "current_speed", "water_depth")
-"""Names of the five columns alpha, beta, V, U_w, D_w of Eq. (7)."""
+"""Names of the five quantities alpha, beta, V, U_w, D_w of Eq. (7)."""
 
 FLOW_STATE_UNITS = ("rad", "rad", "m/s", "m/s", "m")
 
@@ -22,8 +23,30 @@ MOVING_SPEED = 1.0e-2
 """From this horizontal speed on the sideslip angle is the full angle [m/s]."""
 
 
+class HorizontalMotion(NamedTuple):
+    """Motion of the bodies over ground in the horizontal plane, split along their headings."""
+
+    heading: Array
+    """Direction of the body's x axis in the horizontal plane, counter-clockwise from world x [rad]"""
+    cos: Array
+    sin: Array
+    """Cosine and sine of the heading [-]"""
+    forward: Array
+    """Velocity along the heading [m/s]"""
+    lateral: Array
+    """Velocity to the left of the heading [m/s]"""
+
+
+def horizontal_motion(states: BodyStates) -> HorizontalMotion:
+    """Return headings and horizontal velocities of the bodies; all arrays have the shape (n, bodies)."""
+    heading = np.arctan2(states.rotation[..., 1, 0], states.rotation[..., 0, 0])
+    cos, sin = np.cos(heading), np.sin(heading)
+    x, y = states.velocity[..., 0], states.velocity[..., 1]
+    return HorizontalMotion(heading, cos, sin, cos * x + sin * y, cos * y - sin * x)
+
+
 def flow_states(states: BodyStates, water: Water | None) -> Array:
-    """State of each body relative to ground and water, Eq. (7).
+    """Return the state of each body relative to ground and water, Eq. (7).
 
     alpha is the angle from the body's heading to its horizontal velocity (positive: it moves to its own left), where
     the heading is the body's x axis projected on the horizontal. Below `REST_SPEED` it is 0, and between `REST_SPEED`
@@ -44,20 +67,18 @@ def flow_states(states: BodyStates, water: Water | None) -> Array:
     Returns
     -------
     array, shape (n, 5, 5)
-        Instant, body, column: alpha [rad] and beta [rad] in (-pi, pi], V [m/s], U_w [m/s], D_w [m].
+        Instant, body, quantity: alpha [rad] and beta [rad] in (-pi, pi], V [m/s], U_w [m/s], D_w [m].
     """
-    heading = np.arctan2(states.rotation[..., 1, 0], states.rotation[..., 0, 0])
-    east, north = states.velocity[..., 0], states.velocity[..., 1]
-    speed = np.hypot(east, north)
-    cos, sin = np.cos(heading), np.sin(heading)
-    sideslip = np.arctan2(cos * north - sin * east, cos * east + sin * north)
-    rise = np.clip((speed - REST_SPEED) / (MOVING_SPEED - REST_SPEED), 0.0, 1.0)
+    motion = horizontal_motion(states)
+    speed = np.hypot(states.velocity[..., 0], states.velocity[..., 1])
+    sideslip = np.arctan2(motion.lateral, motion.forward)
+    fade = np.clip((speed - REST_SPEED) / (MOVING_SPEED - REST_SPEED), 0.0, 1.0)
 
     columns = np.zeros((*speed.shape, 5))
-    columns[..., 0] = rise * rise * (3.0 - 2.0 * rise) * sideslip
+    columns[..., 0] = fade * fade * (3.0 - 2.0 * fade) * sideslip
     columns[..., 2] = speed
     if water is not None:
-        columns[..., 1] = _wrapped(heading - (water.current_direction + math.pi))
+        columns[..., 1] = _wrapped(motion.heading - (water.current_direction + math.pi))
         columns[..., 3] = water.current_speed
         columns[..., 4] = water.depth
     return columns

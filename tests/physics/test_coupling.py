@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from coupled_runs import QUICK, SHORT, STEPS, WATER, StandIn, run
 
-import exumob.coupling.schemes
+import exumob.coupling.semi_implicit
 import exumob.simulation.checkpoint
+from exumob.coupling.explicit import Explicit
 from exumob.coupling.flow_in_loop import CfdHydrodynamics, FlowSpinUp
-from exumob.coupling.schemes import Explicit, SemiImplicit, Strong
+from exumob.coupling.semi_implicit import SemiImplicit
+from exumob.coupling.strong import Strong
 from exumob.ground.terrain import Terrain
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.run import simulate
@@ -49,7 +51,7 @@ def test_semi_implicit_scheme_notices_that_the_water_answers_more_strongly(vehic
     assert np.abs(result["acceleration"].values[:, 0, 2]).max() < 2.0 * 9.81
     measured = np.flatnonzero(result["coupling_iterations"].values > 1)
     assert measured[0] == 0 and 20 <= measured[1] <= 35 and len(measured) <= 4
-    monkeypatch.setattr(exumob.coupling.schemes, "SWINGS", 10**6)
+    monkeypatch.setattr(exumob.coupling.semi_implicit, "SWINGS", 10**6)
     try:
         stale = run(vehicle, sand, KeelGetsWet(), coupling=SemiImplicit())
     except SimulationError as error:

@@ -12,14 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from exumob.support.constants import GRAVITY
 from exumob.vehicle.vehicle_file import load_vehicle
+from exumob.water.hydrostatics import hydrostatic_wrench, wetted
+from exumob.water.mesh_file import mesh_triangles
 from exumob.water.wetted_surface import (
     body_surfaces,
     box_surface,
     cylinder_surface,
     hull_surface,
-    hydrostatic_wrench,
-    mesh_triangles,
-    wetted,
     wheel_surface,
 )
 

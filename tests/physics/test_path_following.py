@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from exumob import CoefficientHydrodynamics, ConstantSteer, Soil, Water, simulate
-from exumob.coupling.schemes import Strong
+from exumob.coupling.strong import Strong
 from exumob.driving.path_following import PathFollowing, StanleyDriver, _Polyline, lane_shift
 from exumob.support.errors import SimulationInterrupted
 from exumob.vehicle.motion import BodyStates

@@ -8,7 +8,8 @@ import pytest
 from coupled_runs import EXAMPLE, assert_same, run
 
 from exumob.coupling.remote import RemoteFlow
-from exumob.coupling.schemes import SemiImplicit, Strong
+from exumob.coupling.semi_implicit import SemiImplicit
+from exumob.coupling.strong import Strong
 from exumob.support.errors import SimulationError
 
 

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from coupled_runs import QUICK, ROOT, SHORT, STEPS, WATER, StandIn, assert_same, run
 
-import exumob.coupling.schemes
 import exumob.simulation.checkpoint
+from exumob.coupling.explicit import Explicit
 from exumob.coupling.flow_code import BuiltInFlow
 from exumob.coupling.flow_in_loop import CfdHydrodynamics, FlowSpinUp
-from exumob.coupling.schemes import Explicit, SemiImplicit, Strong
+from exumob.coupling.semi_implicit import SemiImplicit
+from exumob.coupling.strong import Strong
 from exumob.ground.soil import Soil
 from exumob.simulation.run import simulate
 from exumob.support.errors import SimulationError, SimulationInterrupted

@@ -189,4 +189,6 @@ def test_active_learning_study_measures_luck_and_foresight():
         {"order": ["active", "fixed"], "runs": [2, 3, 4]},
     )  # fmt: skip
     assert study.seed_deviation(table, "load_error") == pytest.approx(0.2 / np.sqrt(2.0))
-    assert study.rank_correlation(table).values[0] == pytest.approx(1.0) and np.isnan(study.rank_correlation(table).values[1])
+    assert study.rank_correlation(table).values[0] == pytest.approx(1.0) and np.isnan(
+        study.rank_correlation(table).values[1]
+    )

@@ -11,13 +11,8 @@ from scipy.spatial.transform import Rotation
 from exumob.support.constants import GRAVITY
 from exumob.vehicle.motion import BODIES, BodyStates
 from exumob.vehicle.vehicle_file import load_vehicle
-from exumob.water.coefficients import (
-    FILTER_STEPS,
-    CoefficientHydrodynamics,
-    Coefficients,
-    filter_time,
-    spheroid_added_mass,
-)
+from exumob.water.coefficient_kernels import FILTER_STEPS, filter_time
+from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients, spheroid_added_mass
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import NoWater
 

@@ -43,15 +43,15 @@ def runs(vehicle, sand):
 def test_one_instant_and_many_agree(architecture, vehicle):
     network = made_up(architecture, vehicle)
     inputs = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 5, architecture.taps, 3))
-    one_by_one = np.stack([network.loads(x) for x in inputs])
-    assert network.many_loads(inputs, batch=7) == pytest.approx(one_by_one, abs=2e-5)
+    one_by_one = np.stack([network.wrenches(x) for x in inputs])
+    assert network.batch_wrenches(inputs, batch=7) == pytest.approx(one_by_one, abs=2e-5)
 
 
 @pytest.mark.parametrize("architecture", SHAPES[:2], ids=lambda a: a.layer)
 def test_torch_and_the_loop_agree(architecture, vehicle):
     network = made_up(architecture, vehicle)
     inputs = np.random.default_rng(1).uniform(-1.0, 1.0, (5, architecture.taps, 3))
-    loads = network.loads(inputs)
+    loads = network.wrenches(inputs)
     for body in range(5):
         module = LoadNetwork(architecture, torch.Generator().manual_seed(0))
         module.load_state_dict({n: torch.from_numpy(network.arrays[n][body]) for n in architecture.shapes()})
@@ -69,7 +69,7 @@ def test_onnx_and_the_loop_agree(architecture, vehicle, tmp_path):
     window = np.random.default_rng(5).uniform(-2.0, 2.0, (20, 5, architecture.taps, 3))
     session = runtime.InferenceSession(str(file), providers=["CPUExecutionProvider"])
     (loads,) = session.run(None, {"states": window.astype(np.float32)})
-    assert loads == pytest.approx(network.many_loads(window), rel=1e-4, abs=1e-4)
+    assert loads == pytest.approx(network.batch_wrenches(window), rel=1e-4, abs=1e-4)
     said = session.get_modelmeta().custom_metadata_map
     assert said["inputs"].startswith("forward_flow [m/s]") and said["base"] == "none"
 
@@ -203,9 +203,9 @@ def test_members_together_answer_as_alone(vehicle):
     sets = [NetworkSet.load(file) for file in shipped_networks()]
     low, high = (sets[0].arrays[f"input_{end}"][:, None] for end in ("low", "high"))
     window = low + np.random.default_rng(3).uniform(0.0, 1.0, low.shape) * (high - low)
-    alone = np.concatenate([one.loads(window) for one in sets])
-    every = NetworkSet.together(sets)
-    together = every.loads(np.tile(window, (len(sets), 1, 1)))
+    alone = np.concatenate([one.wrenches(window) for one in sets])
+    every = NetworkSet.stacked(sets)
+    together = every.wrenches(np.tile(window, (len(sets), 1, 1)))
     assert together == pytest.approx(alone, rel=1e-4, abs=1e-4)
     excess = np.concatenate([one.excess(window[:, -1]) for one in sets])
     assert every.excess(np.tile(window[:, -1], (len(sets), 1))) == pytest.approx(excess, rel=1e-5, abs=1e-6)

@@ -1,0 +1,97 @@
+"""Spin-up: how the flow develops round the held vehicle before its release at time 0."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from exumob.driving.maneuver import smooth_step
+from exumob.flow.solids import Poses
+from exumob.support.checks import require_positive, require_within
+from exumob.water.conditions import Water
+
+
+@dataclass(frozen=True)
+class FlowSpinUp:
+    """Plan of the spin-up, in the order of its parts: ramp, hold, adjustment.
+
+    The vehicle first drifts with the current, so that the water is undisturbed, and is brought to rest within `ramp`.
+    That is a current ramped up about a held vehicle, seen from the undisturbed water: the two differ by a uniform
+    acceleration of everything, which a uniform pressure gradient balances and which ends with the ramp (the bed slips;
+    one that exerts shear sees the vehicle held in a current that was always there). Nothing is added to the flow solver
+    for it, and a uniform current past a moving grid is kept to round-off. Then the vehicle settles anew under the mean
+    wrenches found during `hold`, and is moved to its new place of rest during `adjustment`.
+    """
+
+    ramp: float = 1.0
+    """From drifting with the current to rest [s]; left out in calm water"""
+    hold: float = 0.5
+    """At rest, after the ramp [s]; the mean wrenches are taken over its second half"""
+    adjustment: float = 0.5
+    """From the first to the final place of rest, in the first half, and waiting there, in the second [s]"""
+    interval: float = 4.0e-3
+    """Between the poses given to the flow before the adjustment [s]; the adjustment is made in macro steps"""
+
+    def __post_init__(self) -> None:
+        require_positive(
+            "FlowSpinUp", ramp=self.ramp, hold=self.hold, adjustment=self.adjustment, interval=self.interval
+        )  # fmt: skip
+        require_within("FlowSpinUp", 0.0, 0.25 * self.hold, "use a shorter interval.", interval=self.interval)
+
+    def ramp_in(self, water: Water) -> float:
+        """Return the duration of the ramp in this water [s]: 0 without a current."""
+        return self.ramp if water.current_speed > 0.0 else 0.0
+
+    def duration(self, water: Water) -> float:
+        """Return the time from the begin of the spin-up to the release in this water [s]."""
+        return math.fsum((self.ramp_in(water), self.hold, self.adjustment))
+
+
+def poses_during_ramp(rest: Poses, water: Water, elapsed: float, ramp: float) -> Poses:
+    """Return the poses of bodies that drift with the current at first and come to rest at the end of a ramp.
+
+    Parameters
+    ----------
+    rest : Poses
+        Where the bodies come to rest.
+    water : Water
+    elapsed : float
+        Time since the begin of the ramp [s].
+    ramp : float
+        Duration of the ramp [s]; 0: the bodies are at rest.
+    """
+    if ramp == 0.0 or elapsed >= ramp:
+        return rest
+    x = elapsed / ramp
+    share = smooth_step(x)[0]
+    way = -ramp * (0.5 - x + x**4 * (2.5 - 3.0 * x + x * x))  # integral of 1 - share from here to the ramp's end
+    n = len(rest.position)
+    return Poses(
+        rest.position + way * water.velocity, rest.rotation, np.tile((1.0 - share) * water.velocity, (n, 1)),
+        np.zeros((n, 3)), np.zeros(n),
+    )  # fmt: skip
+
+
+def poses_between(begin: Poses, end: Poses, part: float, duration: float) -> Poses:
+    """Return the poses of bodies that move smoothly from one place of rest to another.
+
+    Parameters
+    ----------
+    begin, end : Poses
+    part : float
+        Elapsed share of the duration [-]; from 1 on the bodies are at the end.
+    duration : float
+        [s]
+    """
+    from scipy.spatial.transform import Rotation
+
+    if part >= 1.0:
+        return end
+    share, growth, _ = smooth_step(part)
+    arcs = Rotation.from_matrix(end.rotation @ begin.rotation.mT).as_rotvec()
+    way, rate = end.position - begin.position, growth / duration
+    turned = Rotation.from_rotvec(share * arcs).as_matrix() @ begin.rotation
+    n = len(way)
+    return Poses(begin.position + share * way, turned, rate * way, rate * arcs, np.zeros(n))

@@ -1,0 +1,184 @@
+"""Evaluation of the networks without torch: LSTM, dense and output layers, and the monomials of the regression.
+
+For one instant, kernels in single precision that read each weight once; for many instants, matrix products. The same
+networks as torch modules, for training: `exumob.learning.torch_networks`.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Single = NDArray[np.float32]
+
+
+class OutputLayers(NamedTuple):
+    """The dense layer that follows the first layer, and the linear one, of all bodies; matrices transposed."""
+
+    dense_weight: Single
+    """Shape (bodies, hidden units, dense units)"""
+    dense_bias: Single
+    """Shape (bodies, dense units)"""
+    out_weight: Single
+    """Shape (bodies, dense units, 6)"""
+    out_bias: Single
+    """Shape (bodies, 6)"""
+
+
+@njit(inline="always")
+def _tanh(x: np.float32) -> np.float32:
+    """Tanh to 3e-7 as a quotient of polynomials, the one of Eigen (MPL 2): without calls, hence vectorised."""
+    x = min(max(x, np.float32(-7.9053111)), np.float32(7.9053111))
+    s = x * x
+    p = np.float32(-2.76076847742355e-16)
+    p = p * s + np.float32(2.00018790482477e-13)
+    p = p * s + np.float32(-8.60467152213735e-11)
+    p = p * s + np.float32(5.12229709037114e-08)
+    p = p * s + np.float32(1.48572235717979e-05)
+    p = p * s + np.float32(6.37261928875436e-04)
+    p = p * s + np.float32(4.89352455891786e-03)
+    q = np.float32(1.19825839466702e-06)
+    q = q * s + np.float32(1.18534705686654e-04)
+    q = q * s + np.float32(2.26843463243900e-03)
+    q = q * s + np.float32(4.89352518554385e-03)
+    return x * p / q
+
+
+@njit(inline="always")
+def _add_product(transposed: Single, x: Single, out: Single) -> None:
+    """Out += transposed.T @ x, four rows at a time: contiguous, vectorised, and out stays in the nearest cache."""
+    n = transposed.shape[0]
+    whole = n - n % 4
+    for k in range(0, whole, 4):
+        x0, x1, x2, x3 = x[k], x[k + 1], x[k + 2], x[k + 3]
+        r0, r1, r2, r3 = transposed[k], transposed[k + 1], transposed[k + 2], transposed[k + 3]
+        for j in range(out.size):
+            out[j] += r0[j] * x0 + r1[j] * x1 + r2[j] * x2 + r3[j] * x3
+    for k in range(whole, n):
+        row, value = transposed[k], x[k]
+        for j in range(out.size):
+            out[j] += row[j] * value
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def evaluate_lstm(x: Single, w: Single, u: Single, b: Single, layers: OutputLayers, out: Single) -> None:
+    """Evaluate paper Eqs. (8) and (9), then the output layers, body by body; gates in the order i, f, c, o.
+
+    Parameters
+    ----------
+    x : array, shape (bodies, taps, k)
+        Scaled inputs, oldest instant first.
+    w, u, b : arrays, shape (bodies, k, 4 n), (bodies, n, 4 n) and (bodies, 4 n)
+        Input weights and recurrent weights, transposed (inputs first), and biases of n units.
+    layers : OutputLayers
+    out : array, shape (bodies, 6), changed
+        Scaled wrenches.
+    """
+    n = u.shape[1]
+    hidden, cell, gates = np.empty(n, np.float32), np.empty(n, np.float32), np.empty(4 * n, np.float32)
+    half = np.float32(0.5)
+    for body in range(x.shape[0]):
+        cell[:] = 0.0
+        for tap in range(x.shape[1]):
+            gates[:] = b[body]
+            _add_product(w[body], x[body, tap], gates)
+            if tap > 0:  # h = 0 before
+                _add_product(u[body], hidden, gates)
+            for j in range(n):
+                keep = half + half * _tanh(half * gates[n + j])
+                take = half + half * _tanh(half * gates[j])
+                cell[j] = keep * cell[j] + take * _tanh(gates[2 * n + j])
+            for j in range(n):
+                hidden[j] = _tanh(cell[j]) * (half + half * _tanh(half * gates[3 * n + j]))
+        _evaluate_output(hidden, layers, body, out[body])
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def evaluate_dense(x: Single, w: Single, b: Single, layers: OutputLayers, out: Single) -> None:
+    """Evaluate the network of the ablation: a dense layer in the place of the LSTM, then the output layers.
+
+    Parameters
+    ----------
+    x : array, shape (bodies, taps k)
+        Scaled inputs of the whole window.
+    w, b : arrays, shape (bodies, taps k, n) and (bodies, n)
+        Weights, transposed, and biases of n units.
+    layers : OutputLayers
+    out : array, shape (bodies, 6), changed
+        Scaled wrenches.
+    """
+    hidden = np.empty(w.shape[2], np.float32)
+    for body in range(x.shape[0]):
+        hidden[:] = b[body]
+        _add_product(w[body], x[body], hidden)
+        for j in range(hidden.size):
+            hidden[j] = _tanh(hidden[j])
+        _evaluate_output(hidden, layers, body, out[body])
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _evaluate_output(hidden: Single, layers: OutputLayers, body: int, out: Single) -> None:
+    """Evaluate the dense layer and the linear one of a body."""
+    dense = layers.dense_bias[body].copy()
+    _add_product(layers.dense_weight[body], hidden, dense)
+    for j in range(dense.size):
+        dense[j] = _tanh(dense[j])
+    out[:] = layers.out_bias[body]
+    _add_product(layers.out_weight[body], dense, out)
+
+
+def evaluate_batch(scaled: Single, weights: Mapping[str, Single], recurrent: bool) -> Single:
+    """Evaluate networks for n instants at once.
+
+    Parameters
+    ----------
+    scaled : array, shape (n, bodies, taps, k)
+        Scaled inputs, oldest instant first.
+    weights : mapping of arrays
+        By name, as in `exumob.surrogates.networks.Architecture.shapes`, body first, not transposed.
+    recurrent : bool
+        True: the first layer is an LSTM; False: a dense one.
+
+    Returns
+    -------
+    array, shape (n, bodies, 6)
+        Scaled wrenches.
+    """
+    x = np.moveaxis(scaled, 1, 0)  # body, instant, tap, input
+    w, b = weights["W"].mT, weights["b"][:, None]
+    if recurrent:
+        u = weights["U"].mT
+        hidden = cell = np.zeros((len(x), len(scaled), u.shape[1]), np.float32)
+        for tap in range(x.shape[2]):
+            gates = x[:, :, tap] @ w + hidden @ u + b
+            i, f, g, o = np.split(gates, 4, axis=-1)
+            cell = _sigmoid(f) * cell + _sigmoid(i) * np.tanh(g)
+            hidden = _sigmoid(o) * np.tanh(cell)
+    else:
+        hidden = np.tanh(x.reshape(len(x), len(scaled), -1) @ w + b)
+    dense = np.tanh(hidden @ weights["dense_weight"].mT + weights["dense_bias"][:, None])
+    return np.moveaxis(dense @ weights["out_weight"].mT + weights["out_bias"][:, None], 0, 1)
+
+
+def _sigmoid(x: Single) -> Single:
+    return np.asarray(1.0 / (1.0 + np.exp(-x)), np.float32)
+
+
+@cache
+def exponents(k: int, degree: int) -> list[tuple[int, ...]]:
+    """Return the factors of each monomial of k variables up to a degree, as indices of the variables."""
+    return [c for d in range(degree + 1) for c in itertools.combinations_with_replacement(range(k), d)]
+
+
+def monomials(x: NDArray[Any], degree: int) -> NDArray[Any]:
+    """Return all monomials of variables up to a degree; shape (..., k) -> (..., terms)."""
+    columns = [
+        np.prod(x[..., list(c)], axis=-1) if c else np.ones(x.shape[:-1]) for c in exponents(x.shape[-1], degree)
+    ]
+    return np.stack(columns, axis=-1)

@@ -1,0 +1,230 @@
+"""Hydrostatics: exact integrals of the water's pressure over the wetted part of a closed surface.
+
+Every integral over the part of a surface below the still-water plane is exact for its triangles: those that cross the
+plane are clipped, and the pressure rho g (level - z) is linear on what remains. The soil surface is the world's z = 0;
+the part of a body below it is called buried, the part between it and the water plane exposed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
+from exumob.vehicle.motion import BodyStates
+from exumob.water.conditions import Water
+from exumob.water.wetted_surface import Integers, Surface
+
+WET_INTEGRALS = np.dtype(
+    [
+        ("exposed_wrench", float, 6), ("buried_wrench", float, 6), ("submerged_volume", float),
+        ("buried_volume", float), ("exposed_area", float), ("draught", float),
+    ]
+)  # fmt: skip
+"""Record of the integrals over the wet part of a surface, body axes about the body's origin.
+
+``exposed_wrench``, ``buried_wrench``: integrals of -depth n [m^3] and of -depth r x n [m^4] over the exposed and the
+buried part, which times density and gravity are force and moment; ``submerged_volume``: below the water plane, soil
+included; ``buried_volume``: below the soil surface [m^3]; ``exposed_area`` [m^2]; ``draught``: depth of the lowest
+exposed point below the water plane [m]."""
+
+
+@dataclass(frozen=True)
+class Wetted:
+    """Volumes and areas of a surface under water."""
+
+    submerged_volume: float
+    """Volume below the water plane, soil included [m^3]"""
+    exposed_volume: float
+    """Volume between the soil surface and the water plane [m^3]"""
+    wetted_area: float
+    """Area of the exposed part [m^2]"""
+    draught: float
+    """Depth of the lowest exposed point below the water plane [m]"""
+    projected_area: Array
+    """Half the integral of |n| over the exposed part, for the body's x, y, z [m^2], shape (3,): the frontal and lateral
+    area, and the plan area of a fully immersed body (half of it when only the bottom is wet)"""
+
+
+def hydrostatic_wrench(
+    surface: Surface, rotation: ArrayLike, position: ArrayLike, level: float, density: float = 1000.0, *,
+    pore_pressure: bool = True,
+) -> Array:  # fmt: skip
+    """Return the force and moment of still water on a body, in the body's own axes about its origin.
+
+    Parameters
+    ----------
+    surface : Surface
+    rotation : array-like, shape (3, 3)
+        Rotation matrix, body -> world.
+    position : array-like, shape (3,)
+        Body's origin, world axes [m].
+    level : float
+        Height of the water plane above the soil surface z = 0 [m].
+    density : float
+        [kg/m^3]
+    pore_pressure : bool
+        True: the pressure continues below the soil surface, and Archimedes' principle holds for a sunk body. False: no
+        pressure acts on the buried part.
+
+    Returns
+    -------
+    array, shape (6,)
+        Force [N], moment [N m].
+    """
+    total, _ = _integrals(surface, rotation, position, level)
+    wrench = total["exposed_wrench"] + total["buried_wrench"] if pore_pressure else total["exposed_wrench"]
+    return np.asarray(density * GRAVITY * wrench)
+
+
+def still_water_wrenches(surfaces: Sequence[Surface], states: BodyStates, water: Water) -> Array:
+    """Return the wrenches of still water on all bodies at the last instant of their states [N, N m], shape (n, 6).
+
+    Parameters
+    ----------
+    surfaces : sequence of Surface
+        One for each body.
+    states : BodyStates
+    water : Water
+        Its current is not felt.
+    """
+    poses = zip(surfaces, states.rotation[-1], states.position[-1], strict=True)
+    return np.array([hydrostatic_wrench(*pose, water.depth, water.density) for pose in poses])
+
+
+def wetted(surface: Surface, rotation: ArrayLike, position: ArrayLike, level: float) -> Wetted:
+    """Measure the part of a body's surface under water; parameters as for `hydrostatic_wrench`."""
+    total, area_moments = _integrals(surface, rotation, position, level)
+    submerged, buried = float(total["submerged_volume"]), float(total["buried_volume"])
+    return Wetted(
+        submerged, submerged - buried, float(total["exposed_area"]), float(total["draught"]),
+        area_moments[:, :, 0].sum(axis=0),
+    )  # fmt: skip
+
+
+def _integrals(
+    surface: Surface, rotation: ArrayLike, position: ArrayLike, level: float
+) -> tuple[np.record, Array]:  # fmt: skip
+    """Return the record and the area moments of `wet_integrals` for a body at a position."""
+    up = np.ascontiguousarray(np.asarray(rotation, dtype=float)[2])
+    height = float(np.asarray(position, dtype=float)[2])
+    total, area_moments = np.zeros(1, WET_INTEGRALS), np.zeros((surface.n_cells, 3, 4))
+    wet_integrals(surface.triangles, surface.cells, up, height, float(level), total, area_moments, clipping_space())
+    return total[0], area_moments
+
+
+def clipping_space() -> Array:
+    """Return the work space of `wet_integrals`: three polygons of up to nine corners (x, y, z, depth)."""
+    return np.empty((3, 9, 4))
+
+
+@njit(cache=True, error_model="numpy")
+def wet_integrals(
+    triangles: Array, cells: Integers, up: Array, height: float, level: float, totals: NDArray[np.void],
+    area_moments: Array, scratch: Array,
+) -> None:  # fmt: skip
+    """Add the integrals over the wet part of a surface; body axes about the body's origin.
+
+    Parameters
+    ----------
+    triangles, cells
+        As in `Surface`.
+    up : array, shape (3,)
+        World z in body axes.
+    height, level : float
+        Heights of the body's origin and of the water plane above the soil surface [m].
+    totals : array of `WET_INTEGRALS`, shape (1,), changed
+    area_moments : array, shape (n_cells, 3, 4), changed
+        Per cell and body axis, over the exposed part: integral of |n| / 2 [m^2], then that of r |n| / 2, three
+        components [m^3].
+    scratch : array, shape (3, 9, 4)
+        Work space, `clipping_space`.
+    """
+    total = totals[0]
+    for t in range(triangles.shape[0]):
+        highest, lowest = -np.inf, np.inf
+        for i in range(3):
+            depth = level - height
+            for k in range(3):
+                scratch[0, i, k] = triangles[t, i, k]
+                depth -= up[k] * triangles[t, i, k]
+            scratch[0, i, 3] = depth
+            highest, lowest = max(highest, depth), min(lowest, depth)
+        if highest <= 0.0:
+            continue
+        wet, n_wet = 0, 3
+        if lowest < 0.0:
+            wet, n_wet = 1, _clip(scratch[0], 3, 1.0, 0.0, scratch[1])
+        if highest > level:  # reaches below the soil surface
+            n_exposed = _clip(scratch[wet], n_wet, -1.0, level, scratch[2])
+            _add_polygon(scratch[2], n_exposed, cells[t], up, level, True, total, area_moments)
+            other = 1 - wet
+            n_below = _clip(scratch[wet], n_wet, 1.0, -level, scratch[other])
+            _add_polygon(scratch[other], n_below, cells[t], up, level, False, total, area_moments)
+        else:
+            _add_polygon(scratch[wet], n_wet, cells[t], up, level, True, total, area_moments)
+
+
+@njit(cache=True, error_model="numpy")
+def _clip(polygon: Array, n: int, sign: float, offset: float, kept: Array) -> int:
+    """Copy the part of a polygon (x, y, z, depth) with sign * depth + offset >= 0; return its number of corners."""
+    count = 0
+    for i in range(n):
+        j = i + 1 if i + 1 < n else 0
+        here, there = sign * polygon[i, 3] + offset, sign * polygon[j, 3] + offset
+        if here >= 0.0:
+            for k in range(4):
+                kept[count, k] = polygon[i, k]
+            count += 1
+        if (here > 0.0 and there < 0.0) or (here < 0.0 and there > 0.0):
+            part = here / (here - there)
+            for k in range(3):
+                kept[count, k] = polygon[i, k] + part * (polygon[j, k] - polygon[i, k])
+            kept[count, 3] = -sign * offset
+            count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _add_polygon(
+    polygon: Array, n: int, cell: int, up: Array, level: float, exposed: bool, total: np.record, area_moments: Array
+) -> None:
+    """Add a convex polygon, as a fan of triangles, to the integrals; `total` is a record of `WET_INTEGRALS`."""
+    wrench = total.exposed_wrench if exposed else total.buried_wrench
+    x0, y0, z0, d0 = polygon[0, 0], polygon[0, 1], polygon[0, 2], polygon[0, 3]
+    for i in range(1, n - 1):
+        x1, y1, z1, d1 = polygon[i, 0], polygon[i, 1], polygon[i, 2], polygon[i, 3]
+        x2, y2, z2, d2 = polygon[i + 1, 0], polygon[i + 1, 1], polygon[i + 1, 2], polygon[i + 1, 3]
+        ax = 0.5 * ((y1 - y0) * (z2 - z0) - (z1 - z0) * (y2 - y0))  # area vector
+        ay = 0.5 * ((z1 - z0) * (x2 - x0) - (x1 - x0) * (z2 - z0))
+        az = 0.5 * ((x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0))
+        depth = (d0 + d1 + d2) / 3.0
+        x, y, z = (x0 + x1 + x2) / 3.0, (y0 + y1 + y2) / 3.0, (z0 + z1 + z2) / 3.0
+        mx = 0.75 * depth * x + (d0 * x0 + d1 * x1 + d2 * x2) / 12.0  # mean of depth * r
+        my = 0.75 * depth * y + (d0 * y0 + d1 * y1 + d2 * y2) / 12.0
+        mz = 0.75 * depth * z + (d0 * z0 + d1 * z1 + d2 * z2) / 12.0
+        wrench[0] -= depth * ax
+        wrench[1] -= depth * ay
+        wrench[2] -= depth * az
+        wrench[3] -= my * az - mz * ay
+        wrench[4] -= mz * ax - mx * az
+        wrench[5] -= mx * ay - my * ax
+        upward = up[0] * ax + up[1] * ay + up[2] * az
+        total.submerged_volume -= depth * upward
+        if not exposed:
+            total.buried_volume -= (depth - level) * upward
+            continue
+        total.exposed_area += math.sqrt(ax * ax + ay * ay + az * az)
+        total.draught = max(total.draught, d0, d1, d2)
+        for k in range(3):
+            area = 0.5 * abs(ax if k == 0 else (ay if k == 1 else az))
+            area_moments[cell, k, 0] += area
+            area_moments[cell, k, 1] += area * x
+            area_moments[cell, k, 2] += area * y
+            area_moments[cell, k, 3] += area * z
