@@ -94,7 +94,7 @@ def test_ctrl_c_saves_what_was_computed(tmp_path):
     (tmp_path / "car.py").write_text(INTERRUPTED)
     answer = subprocess.run(
         [sys.executable, "-m", "exumob", "captive", *SHORT, "--vehicle", "car.py", "--output", "run.nc"], cwd=tmp_path,
-        capture_output=True, text=True, timeout=120, check=False,
+        capture_output=True, text=True, timeout=600, check=False,
         env=os.environ | {"COLUMNS": "200", "TERM": "dumb"},
     )  # fmt: skip
     assert answer.returncode == 130, answer.stderr

@@ -183,7 +183,7 @@ def test_full_disk_is_said_and_the_result_is_elsewhere(tmp_path, monkeypatch):
 
 def program(*arguments, cwd):
     return subprocess.run(
-        [sys.executable, "-m", "exumob", *map(str, arguments)], cwd=cwd, capture_output=True, text=True, timeout=60,
+        [sys.executable, "-m", "exumob", *map(str, arguments)], cwd=cwd, capture_output=True, text=True, timeout=600,
         check=False, env=os.environ | {"COLUMNS": "200", "TERM": "dumb"},
     )  # fmt: skip
 

@@ -223,7 +223,7 @@ def test_three_ranks(tmp_path):
     }  # fmt: skip
     command = [MPIEXEC, "-n", "3", sys.executable, "-m", "mpi4py.futures", str(script)]
     answer = subprocess.run(
-        command, env=os.environ | settings, capture_output=True, text=True, check=False, timeout=120, cwd=HERE
+        command, env=os.environ | settings, capture_output=True, text=True, check=False, timeout=600, cwd=HERE
     )
     assert answer.returncode == 0, answer.stderr
     with load_dataset(tmp_path / "sweep" / "sweep.nc") as result:
