@@ -123,7 +123,7 @@ class PathFollowing:
         require_within("PathFollowing", 0.0, math.radians(80.0), max_steering=self.max_steering)
 
     def steering(self, time: float) -> Motion:
-        """Return the angle while nobody drives (`driver`): straight ahead."""
+        """Return the angle without a driver: straight ahead (a run asks for a `driver`)."""
         return 0.0, 0.0, 0.0
 
     def wheel_speed(self, time: float) -> Motion:
@@ -154,7 +154,8 @@ class StanleyDriver:
         """Begin with the wheels straight."""
         self.maneuver = maneuver
         self._path = _Polyline(maneuver.waypoints)
-        self._plan = np.zeros(8)  # start, polynomial of (time - start)
+        self._start = self._end = 0.0  # of the turn planned last [s]
+        self._quintic = np.zeros(6)  # angle over the time since its start, lowest power first
         self._wanted = 0.0
         self._integral = 0.0  # of the distance [m s]
         self._seen: float | None = None
@@ -162,10 +163,10 @@ class StanleyDriver:
 
     def steering(self, time: float) -> Motion:
         """Return the mean front-wheel angle [rad], its rate and acceleration, as planned last."""
-        start, c0, c1, c2, c3, c4, c5, end = self._plan
-        if time >= end:
+        if time >= self._end:
             return self._wanted, 0.0, 0.0
-        t = time - start
+        c0, c1, c2, c3, c4, c5 = self._quintic
+        t = time - self._start
         return (
             c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5)))),
             c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5))),
@@ -212,18 +213,20 @@ class StanleyDriver:
         c3 = (10.0 * rest - 4.0 * span * slope + 0.5 * span**2 * bend) / span**3
         c4 = (-15.0 * rest + 7.0 * span * slope - span**2 * bend) / span**4
         c5 = (6.0 * rest - 3.0 * span * slope + 0.5 * span**2 * bend) / span**5
-        self._plan[:] = time, c0, c1, c2, c3, c4, c5, time + span
+        self._start, self._end = time, time + span
+        self._quintic[:] = c0, c1, c2, c3, c4, c5
 
     def save(self) -> dict[str, Any]:
         """Return all that the next look depends on."""
         return {
-            "plan": self._plan.copy(), "wanted": self._wanted, "integral": self._integral, "seen": self._seen,
-            "arc": self._arc,
+            "start": self._start, "end": self._end, "quintic": self._quintic.copy(), "wanted": self._wanted,
+            "integral": self._integral, "seen": self._seen, "arc": self._arc,
         }  # fmt: skip
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Return to a state given by `save`."""
-        self._plan[:] = saved["plan"]
+        self._start, self._end = saved["start"], saved["end"]
+        self._quintic[:] = saved["quintic"]
         self._wanted, self._integral, self._seen = saved["wanted"], saved["integral"], saved["seen"]
         self._arc = saved["arc"]
 
