@@ -18,7 +18,7 @@ import xarray as xr
 
 from exumob.coupling.flow_code import CELL_SIZE, BuiltInFlow, FlowCode
 from exumob.driving.maneuver import smooth_step
-from exumob.flow.solids import Poses
+from exumob.flow.poses import Poses
 from exumob.support.arrays import Array
 from exumob.support.checks import require_positive, require_within
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
