@@ -19,8 +19,7 @@ import numpy as np
 from numba import njit, prange
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, vehicle_solids
-from exumob.flow.pressure import assembly as pressure
-from exumob.flow.pressure import conjugate_gradients, multigrid
+from exumob.flow.pressure import assembly, conjugate_gradients, multigrid
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 
@@ -114,7 +113,7 @@ def measure(cell_size, threads, steps=15, start=10, dt=VEHICLE_STEP):
         grid, vehicle_solids(vehicle, cell_size), Water.at_ratio(0.6, 1.0), FlowSettings(threads=threads)
     )
     solver.start(poses(vehicle, 0.0))
-    solving, solve = [0.0], pressure.solve
+    solving, solve = [0.0], assembly.solve
 
     def timed(*arguments):
         begin = time.perf_counter()
@@ -123,7 +122,7 @@ def measure(cell_size, threads, steps=15, start=10, dt=VEHICLE_STEP):
         return outcome
 
     times, shares, iterations = [], [], 0.0
-    pressure.solve = timed
+    assembly.solve = timed
     try:
         for n in range(start + steps):
             solving[0], begin = 0.0, time.perf_counter()
@@ -134,7 +133,7 @@ def measure(cell_size, threads, steps=15, start=10, dt=VEHICLE_STEP):
                 shares.append(solving[0] / elapsed)
                 iterations += solver.report.iterations / solver.report.steps / steps
     finally:
-        pressure.solve = solve
+        assembly.solve = solve
     each, cells = float(np.median(times)), grid.n_cells
     memory = (resident_memory() - before) / (1e-6 * cells)
     peak = triad_bandwidth()

@@ -14,8 +14,8 @@ import xarray as xr
 
 from exumob.flow.grid import Grid
 from exumob.flow.output.snapshots import Snapshot, snapshots_dataset
+from exumob.flow.poses import Poses
 from exumob.flow.settings import FlowSettings
-from exumob.flow.solids import Poses
 from exumob.flow.solver import FlowSolver
 from exumob.support.arrays import Array
 from exumob.support.checks import require_positive

@@ -18,7 +18,7 @@ import xarray as xr
 
 from exumob.coupling.flow_code import CELL_SIZE, BuiltInFlow, FlowCode
 from exumob.coupling.spin_up import FlowSpinUp, poses_between, poses_during_ramp
-from exumob.flow.solids import Poses
+from exumob.flow.poses import Poses
 from exumob.support.arrays import Array
 from exumob.support.checks import require_positive
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates

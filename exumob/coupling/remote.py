@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from exumob.flow.solids import Poses
+from exumob.flow.poses import Poses
 from exumob.support.arrays import Array
 from exumob.support.checks import require_positive
 from exumob.support.errors import SimulationError

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exumob.driving.maneuver import smooth_step
-from exumob.flow.solids import Poses
+from exumob.flow.poses import Poses
 from exumob.support.checks import require_positive, require_within
 from exumob.water.conditions import Water
 

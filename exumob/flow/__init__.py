@@ -4,12 +4,13 @@ solver = FlowSolver(grid, solids, water, settings)
 solver.start(poses)
 loads = solver.advance(time, poses)
 
-The step reads like the method in `exumob.flow.solver`. A vehicle on a prescribed path: `exumob.towing_tank`.
+The step reads like the method in `exumob.flow.step`. A vehicle on a prescribed path: `exumob.towing_tank`.
 """
 
 from exumob.flow.grid import Grid
+from exumob.flow.poses import Poses
 from exumob.flow.settings import FlowSettings
-from exumob.flow.solids import Poses, Solid, box, cylinder, hull_prism, mesh_solid, prism, sphere, vehicle_solids
+from exumob.flow.solids import Solid, box, cylinder, hull_prism, mesh_solid, prism, sphere, vehicle_solids
 from exumob.flow.solver import FlowSolver
 from exumob.flow.state import Loads, StepReport
 from exumob.flow.tread import Tread

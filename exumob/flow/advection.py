@@ -11,11 +11,10 @@ import math
 
 import numpy as np
 from numba import njit, prange
-from numpy.typing import NDArray
 
-from exumob.flow.active_rows import ActiveRows
-from exumob.flow.grid import HALO, Metrics
-from exumob.flow.solids import AreaFractions
+from exumob.flow.active_rows import ActiveRows, WaterCells
+from exumob.flow.area_fractions import AreaFractions
+from exumob.flow.grid import HALO, GridVelocity, Metrics
 from exumob.support.arrays import Array
 
 RESOLVED = 0.01
@@ -24,14 +23,15 @@ RESOLVED = 0.01
 
 @njit(cache=True, error_model="numpy")
 def _edges(
-    q: Array, flow: Array, own: int, s: int, first: int, n: int, ratio: Array, carry: Array, value: Array
+    q: Array, flow: Array, strides: tuple[int, int], first: int, n: int, ratio: Array, carry: Array, value: Array
 ) -> None:
     """Carrying velocity and upwind value between p - s and p, for n neighbours along x from p = first.
 
-    MUSCL-Hancock with the monotonized-central slope (van Leer 1977); `ratio` is the time step over the width [s/m].
+    MUSCL-Hancock with the monotonized-central slope (van Leer 1977); `ratio` is the time step over the width [s/m];
+    `strides`: to the next face along the component's own axis, and s.
     Flat unsigned indices and selections instead of branches: the loop then uses vector instructions.
     """
-    o, t = np.uintp(own), np.uintp(s)
+    o, t = np.uintp(strides[0]), np.uintp(strides[1])
     for m in range(n):
         p = np.uintp(first + m)
         c = 0.5 * (flow[p - o] + flow[p])
@@ -50,14 +50,14 @@ def _edges(
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def turn(u: Array, v: Array, w: Array, out: tuple[Array, Array, Array], turned: float, spans: ActiveRows) -> None:
-    """Velocity `u`, `v`, `w` in axes that have turned by `turned` [rad] about z since."""
-    ny, nz, nx = u.shape
+def turn(velocity: tuple[Array, Array, Array], out: tuple[Array, Array, Array], angle: float, rows: ActiveRows) -> None:
+    """Velocity in axes that have turned by `angle` [rad] about z since."""
+    ny, nz, nx = velocity[0].shape
     one, sy = np.uintp(1), np.uintp(nz * nx)
-    uf, vf, wf = u.ravel(), v.ravel(), w.ravel()
+    uf, vf, wf = velocity[0].ravel(), velocity[1].ravel(), velocity[2].ravel()
     new_u, new_v, new_w = out[0].ravel(), out[1].ravel(), out[2].ravel()
-    cosine, sine = math.cos(turned), math.sin(turned)
-    lo, hi = spans
+    cosine, sine = math.cos(angle), math.sin(angle)
+    lo, hi = rows
     for j in prange(1, ny - 1):
         for k in range(1, nz - 1):
             start = (j * nz + k) * nx
@@ -70,36 +70,37 @@ def turn(u: Array, v: Array, w: Array, out: tuple[Array, Array, Array], turned: 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def advect(
-    out: Array, q: Array, flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], open_faces: Array, axis: int,
-    dt: float, spans: ActiveRows, metrics: Metrics,
+    out: Array, velocity: tuple[Array, Array, Array], relative: tuple[Array, Array, Array], cells: WaterCells,
+    area_fractions: AreaFractions, axis: int, dt: float, metrics: Metrics,
 ) -> None:  # fmt: skip
-    """Add to one velocity component its advection over one step.
+    """Add to one velocity component its advection over one step; faces that are dry or closed are left alone.
 
     Parameters
     ----------
     out : array, changed
         The component at the end [m/s].
-    q : array
-        The component at the begin [m/s].
-    flow : three arrays
+    velocity : three arrays
+        At the begin [m/s].
+    relative : three arrays
         Velocity relative to the grid on full faces [m/s].
-    wet, open_faces : array
-        Wet cells; area_fractions of this component's faces. Faces that are dry or closed are left alone.
+    cells : WaterCells
+    area_fractions : AreaFractions
     axis : int
-        0 x, 1 y, 2 z.
+        Of the component: 0 x, 1 y, 2 z.
     dt : float
         [s]
-    spans : ActiveRows
-        Of the wet cells, one cell wider.
+    metrics : Metrics
     """
-    ny, nz, nx = q.shape
+    ny, nz, nx = out.shape
     own = 1 if axis == 0 else (nz * nx if axis == 1 else nx)
-    flat, result, is_wet, beta = q.ravel(), out.ravel(), wet.ravel(), open_faces.ravel()
-    fx, fy, fz = flow[0].ravel(), flow[1].ravel(), flow[2].ravel()
+    flat, result, is_wet = velocity[axis].ravel(), out.ravel(), cells.wet.ravel()
+    o = area_fractions
+    beta = (o.bx if axis == 0 else (o.by if axis == 1 else o.bz)).ravel()
+    fx, fy, fz = relative[0].ravel(), relative[1].ravel(), relative[2].ravel()
     rx = dt / (metrics.ex if axis == 0 else metrics.dx)
     ry = dt / (metrics.ey if axis == 1 else metrics.dy)
     rz = dt / (metrics.ez if axis == 2 else metrics.dz)
-    lo, hi = spans
+    lo, hi = cells.active
     back = np.uintp(own)
     for j in prange(HALO, ny - HALO):
         carry, value, even = np.empty((5, nx)), np.empty((5, nx)), np.empty(nx)
@@ -111,13 +112,13 @@ def advect(
             if n <= 0:
                 continue
             first = (j * nz + k) * nx + start
-            _edges(flat, fx, own, 1, first, n + 1, rx[start:], xc, xq)
+            _edges(flat, fx, (own, 1), first, n + 1, rx[start:], xc, xq)
             even[:n] = ry[j]
-            _edges(flat, fy, own, nz * nx, first, n, even, ya, qa)
-            _edges(flat, fy, own, nz * nx, first + nz * nx, n, even, yb, qb)
+            _edges(flat, fy, (own, nz * nx), first, n, even, ya, qa)
+            _edges(flat, fy, (own, nz * nx), first + nz * nx, n, even, yb, qb)
             even[:n] = rz[k]
-            _edges(flat, fz, own, nx, first, n, even, za, sa)
-            _edges(flat, fz, own, nx, first + nx, n, even, zb, sb)
+            _edges(flat, fz, (own, nx), first, n, even, za, sa)
+            _edges(flat, fz, (own, nx), first + nx, n, even, zb, sb)
             for m in range(n):
                 p = np.uintp(first + m)
                 here = flat[p]
@@ -130,17 +131,17 @@ def advect(
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def full_velocity(
-    carrying: tuple[Array, Array, Array], velocity: tuple[Array, Array, Array], solids: AreaFractions, spans: ActiveRows
-) -> None:
+    carrying: tuple[Array, Array, Array], velocity: tuple[Array, Array, Array], area_fractions: AreaFractions,
+    rows: ActiveRows,
+) -> None:  # fmt: skip
     """Velocity on full faces: water where they are open, the solid where they are closed [m/s]."""
     ny, nz, nx = velocity[0].shape
     cx, cy, cz = carrying[0].ravel(), carrying[1].ravel(), carrying[2].ravel()
     u, v, w = velocity[0].ravel(), velocity[1].ravel(), velocity[2].ravel()
-    bx, by, bz, sx, sy, sz = (
-        solids.bx.ravel(), solids.by.ravel(), solids.bz.ravel(), solids.sx.ravel(), solids.sy.ravel(),
-        solids.sz.ravel(),
-    )  # fmt: skip
-    lo, hi = spans
+    o = area_fractions
+    bx, by, bz = o.bx.ravel(), o.by.ravel(), o.bz.ravel()
+    sx, sy, sz = o.sx.ravel(), o.sy.ravel(), o.sz.ravel()
+    lo, hi = rows
     for j in prange(1, ny - 1):
         for k in range(1, nz - 1):
             start = (j * nz + k) * nx
@@ -153,36 +154,36 @@ def full_velocity(
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def relative_velocity(
-    relative: tuple[Array, Array, Array], carrying: tuple[Array, Array, Array], frame: Array, spans: ActiveRows,
-    metrics: Metrics,
+    relative: tuple[Array, Array, Array], carrying: tuple[Array, Array, Array], grid_velocity: GridVelocity,
+    rows: ActiveRows, metrics: Metrics,
 ) -> None:  # fmt: skip
-    """Velocity relative to the grid, whose origin moves at frame[0:2] [m/s] and which yaws at frame[2] [rad/s]."""
+    """Velocity on full faces [m/s] relative to a grid that translates and yaws."""
     ny, nz, nx = carrying[0].shape
     rx, ry, rz = relative[0].ravel(), relative[1].ravel(), relative[2].ravel()
     cx, cy, cz = carrying[0].ravel(), carrying[1].ravel(), carrying[2].ravel()
-    lo, hi = spans
+    lo, hi = rows
     xc = metrics.xc
     for j in prange(1, ny - 1):
-        along = frame[0] - frame[2] * metrics.yc[j]
+        along = grid_velocity.x - grid_velocity.yaw_rate * metrics.yc[j]
         for k in range(1, nz - 1):
             start = (j * nz + k) * nx
             for i in range(lo[j, k], hi[j, k]):
                 p = np.uintp(start + i)
                 rx[p] = cx[p] - along
-                ry[p] = cy[p] - (frame[1] + frame[2] * xc[np.uintp(i)])
+                ry[p] = cy[p] - (grid_velocity.y + grid_velocity.yaw_rate * xc[np.uintp(i)])
                 rz[p] = cz[p]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def largest_courant(
-    relative: tuple[Array, Array, Array], fraction: Array, metrics: Metrics, spans: ActiveRows, rates: Array
+    relative: tuple[Array, Array, Array], fraction: Array, metrics: Metrics, rows: ActiveRows, rates: Array
 ) -> None:
     """Per row j the largest sum of speed over width in a cell with water [1/s]; infinite if it is not a number."""
     ny, nz, nx = fraction.shape
     one, sy, sz = np.uintp(1), np.uintp(nz * nx), np.uintp(nx)
     rx, ry, rz, c = relative[0].ravel(), relative[1].ravel(), relative[2].ravel(), fraction.ravel()
     widths = 1.0 / metrics.dx
-    lo, hi = spans
+    lo, hi = rows
     for j in prange(HALO, ny - HALO):
         largest, total = 0.0, 0.0
         for k in range(HALO, nz - HALO):

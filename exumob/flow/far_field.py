@@ -1,21 +1,60 @@
-"""What surrounds the window: far field, tank walls, bed and air."""
+"""The sides of the window: far field or walls across x and y, the bed below, air above.
+
+In the far field the water is drawn towards the undisturbed current and its still level, in zones that absorb waves.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
+from numpy.typing import NDArray
 
 from exumob.flow.active_rows import ActiveRows
-from exumob.flow.grid import HALO, Metrics
+from exumob.flow.grid import HALO, Grid, GridVelocity, Metrics
+from exumob.flow.settings import FlowSettings
 from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 
 ALONG_THE_SIDE = 0.01
 """Least share of a side's rates that acts along it [-]: a perfectly matched layer has none, but then steady currents
 along the side, and what they pile up, would stay."""
 SLOWEST = 0.25
 """Least speed of waves that leave against the current, over sqrt(g depth), for which a zone's rates are made [-]"""
+
+
+class Sides(NamedTuple):
+    """Kinds of the window's sides."""
+
+    far_x: bool
+    far_y: bool
+    """The sides across x and across y are far field; walls otherwise"""
+    closed_top: bool
+    """The top is a wall; air otherwise"""
+
+
+class Basin(NamedTuple):
+    """The undisturbed water between its surface and the bed."""
+
+    level: float
+    """Height of the still surface [m]"""
+    bed: Array
+    """Height of the bed below the columns of cells [m], shape (ny, nx)"""
+
+
+class FlowAlongY(NamedTuple):
+    """The flow along y that brings water to the columns of the zones; fields of shape (ny, nz, nx)."""
+
+    velocity: Array
+    """Along y, on the low y faces [m/s]"""
+    fraction: Array
+    """[-]"""
+    open_faces: Array
+    """Area fractions of the low y faces [-]"""
+    far: float
+    """Undisturbed velocity along y [m/s]"""
 
 
 class Rates(NamedTuple):
@@ -25,11 +64,12 @@ class Rates(NamedTuple):
     """
 
     x: Array
-    """Of the sides across x, at the cells' centres along x"""
+    """Rate of the sides across x at the cells' centres along x"""
     y: Array
+    """The same of the sides across y, along y"""
     x_faces: Array
-    """At their low faces"""
     y_faces: Array
+    """The same at the cells' low faces"""
     along_x: float
     """Share of the rates of the sides across x that acts along these sides [-]"""
     along_y: float
@@ -76,8 +116,80 @@ def level_fractions(metrics: Metrics, level: float) -> Array:
     return np.clip((level - metrics.zf[:-1]) / metrics.dz, 0.0, 1.0)
 
 
+class FarField:
+    """The window's sides, and the zones before those that are far field.
+
+    Parameters
+    ----------
+    grid : Grid
+    level : float
+        Of still water [m].
+    bed_heights : array, shape (ny, nx)
+        Of the bed [m]; kept, as a given bed moves below the grid.
+    settings : FlowSettings
+    """
+
+    def __init__(self, grid: Grid, level: float, bed_heights: Array, settings: FlowSettings) -> None:
+        self.metrics, self.settings = grid.metrics, settings
+        self.sides = Sides(settings.far_x, settings.far_y, settings.closed_top)
+        self.basin = Basin(level, bed_heights)
+        self.still = level_fractions(self.metrics, level)
+        self._celerity = math.sqrt(GRAVITY * max(level - float(grid.z_faces[0]), level))
+        self._added = np.zeros(grid.padded_shape[0])
+        self.set_flow(np.zeros(2))
+
+    @property
+    def is_there(self) -> bool:
+        """True if any side is far field."""
+        return self.sides.far_x or self.sides.far_y
+
+    def set_flow(self, relative: Array) -> None:
+        """Make the rates of the zones for an undisturbed flow relative to the grid [m/s], shape (2,)."""
+        s = self.settings
+        self.rates = absorbing_rates(
+            self.metrics, (s.far_x, s.far_y), relative, self._celerity, s.absorbing_width, s.absorbing_strength
+        )  # fmt: skip
+
+    @property
+    def zone(self) -> NDArray[np.bool_]:
+        """Columns in the absorbing zones, shape (ny, nx)."""
+        zone = np.maximum.outer(self.rates.y, self.rates.x) > 0.0
+        zone[:HALO], zone[-HALO:], zone[:, :HALO], zone[:, -HALO:] = False, False, False, False
+        return zone
+
+    def fill_fraction(self, fraction: Array) -> None:
+        """Set the halo of the fraction [-]."""
+        fill_fraction(fraction, self.still, self.sides)
+
+    def fill_velocity(self, velocity: tuple[Array, Array, Array], far: Array) -> None:
+        """Set the velocity on the sides and in the halo; `far`: undisturbed [m/s], shape (3,)."""
+        fill_velocity(velocity, far, self.sides)
+
+    def relax_velocity(self, velocity: tuple[Array, Array, Array], far: Array, dt: float, rows: ActiveRows) -> None:
+        """Draw the velocity in the zones towards the undisturbed flow [m/s]."""
+        if self.is_there:
+            relax_velocity(velocity[0], velocity[1], far, self.rates, dt, rows)
+
+    def gather_rise(self, eta_y: Array, flow: FlowAlongY, grid_velocity: GridVelocity, dt: float) -> None:
+        """Add to `eta_y` [m] what flow along y brings to the columns of the zones."""
+        if self.is_there:
+            gather_rise(eta_y, flow, grid_velocity, self.basin, self.rates, dt, self.metrics)
+
+    def split_rise(self, fraction: Array, eta_y: Array) -> None:
+        """Set `eta_y` [m] of water that was set from outside."""
+        split_rise(fraction, self.basin, self.rates, self.metrics, eta_y)
+
+    def relax_level(self, fraction: Array, eta_y: Array, dt: float) -> float:
+        """Draw the level in the zones towards still water; volume that this adds to the window [m^3]."""
+        if not self.is_there:
+            return 0.0
+        relax_level(fraction, eta_y, self.basin, self.rates, dt, self.metrics, self._added)
+        self.fill_fraction(fraction)
+        return float(np.sum(self._added[HALO:-HALO]))
+
+
 @njit(cache=True, error_model="numpy")
-def fill_fraction(fraction: Array, still: Array, far_x: bool, far_y: bool) -> None:
+def fill_fraction(fraction: Array, still: Array, sides: Sides) -> None:
     """Set the halo of the fraction: still water at far sides, a mirror at walls, bed and top.
 
     Parameters
@@ -86,9 +198,9 @@ def fill_fraction(fraction: Array, still: Array, far_x: bool, far_y: bool) -> No
         [-]
     still : array, shape (nz,)
         Fraction of each layer in still water.
-    far_x, far_y : bool
-        Whether the sides across x and across y are far field; walls otherwise.
+    sides : Sides
     """
+    far_x, far_y, _ = sides
     ny, nz, nx = fraction.shape
     for n in range(HALO):
         low, low_in, high_n, high_in = HALO - 1 - n, HALO + n, n, -1 - n
@@ -110,12 +222,13 @@ def fill_fraction(fraction: Array, still: Array, far_x: bool, far_y: bool) -> No
 
 
 @njit(cache=True, error_model="numpy")
-def fill_velocity(u: Array, v: Array, w: Array, far: Array, far_x: bool, far_y: bool, closed_top: bool) -> None:
+def fill_velocity(velocity: tuple[Array, Array, Array], far: Array, sides: Sides) -> None:
     """Set the velocity on the window's sides and in the halo.
 
     Far sides carry the undisturbed flow `far` (grid axes [m/s], shape (3,)); walls, the bed and a closed top let
     nothing through and slip freely; an open top repeats the layer below.
     """
+    (u, v, w), (far_x, far_y, closed_top) = velocity, sides
     ny, nz, nx = u.shape
     for j in range(ny):
         for k in range(nz):
@@ -167,10 +280,10 @@ def fill_velocity(u: Array, v: Array, w: Array, far: Array, far_x: bool, far_y: 
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def relax_velocity(u: Array, v: Array, far: Array, rates: Rates, dt: float, spans: ActiveRows) -> None:
+def relax_velocity(u: Array, v: Array, far: Array, rates: Rates, dt: float, rows: ActiveRows) -> None:
     """Draw the horizontal velocity towards the undisturbed flow, implicitly; the vertical one follows the pressure."""
     ny, nz, nx = u.shape
-    lo, hi = spans
+    lo, hi = rows
     x, y, x_faces, y_faces, along_x, along_y = rates
     for j in prange(HALO, ny - HALO + 1):
         for k in range(HALO, nz - HALO):
@@ -181,8 +294,9 @@ def relax_velocity(u: Array, v: Array, far: Array, rates: Rates, dt: float, span
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _rise(fraction: Array, level: float, bed: float, j: int, i: int, metrics: Metrics) -> tuple[int, float]:
+def _rise(fraction: Array, basin: Basin, j: int, i: int, metrics: Metrics) -> tuple[int, float]:
     """First cell of a column that counts, the one that holds the bed, and the rise above still water [m]."""
+    level, bed = basin.level, basin.bed[j, i]
     nz = fraction.shape[1]
     lowest = HALO
     while lowest < nz - HALO - 1 and metrics.zf[lowest + 1] <= bed:
@@ -195,9 +309,8 @@ def _rise(fraction: Array, level: float, bed: float, j: int, i: int, metrics: Me
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def gather_rise(
-    eta_y: Array, v: Array, fraction: Array, area_fractions: Array, far: float, drift: Array, level: float, bed: Array,
-    rates: Rates, dt: float, metrics: Metrics,
-) -> None:  # fmt: skip
+    eta_y: Array, flow: FlowAlongY, grid_velocity: GridVelocity, basin: Basin, rates: Rates, dt: float, metrics: Metrics
+) -> None:
     """Add what flow along y brings to the columns of the zones in one step: disturbances alone.
 
     A uniform current brings nothing, though over a sloping bed it flows in along one axis and out along the other; it
@@ -207,17 +320,15 @@ def gather_rise(
     ----------
     eta_y : array, shape (ny, nx), changed
         Part of the level's rise above still water that flow along y brought [m].
-    v, fraction, area_fractions : array
-        Velocity along y [m/s], fraction [-], area_fractions of the low y faces [-].
-    far : float
-        Undisturbed velocity along y [m/s].
-    drift : array, shape (3,)
-        Velocity of the grid's origin in its axes [m/s], yaw rate [rad/s].
-    level : float
-        Of still water [m].
-    bed : array, shape (ny, nx)
-        Height of the bed [m].
+    flow : FlowAlongY
+    grid_velocity : GridVelocity
+    basin : Basin
+    rates : Rates
+    dt : float
+        [s]
+    metrics : Metrics
     """
+    v, fraction, open_faces, far = flow
     ny, nz, nx = v.shape
     for j in prange(HALO, ny - HALO):
         brought = np.zeros(nx)
@@ -226,7 +337,7 @@ def gather_rise(
                 continue
             share = 0.5 * dt * metrics.dz[k] / metrics.dy[j]
             c, low, high = fraction[j, k], fraction[j - 1, k], fraction[j + 1, k]
-            v_low, v_high, open_low, open_high = v[j, k], v[j + 1, k], area_fractions[j, k], area_fractions[j + 1, k]
+            v_low, v_high, open_low, open_high = v[j, k], v[j + 1, k], open_faces[j, k], open_faces[j + 1, k]
             for i in range(HALO, nx - HALO):
                 gain = (low[i] + c[i]) * open_low[i] * (v_low[i] - far)
                 brought[i] += share * (gain - (high[i] + c[i]) * open_high[i] * (v_high[i] - far))
@@ -234,29 +345,32 @@ def gather_rise(
             if max(rates.x[i], rates.y[j]) <= 0.0:
                 continue
             eta_y[j, i] += brought[i]
-            along = far - drift[1] - drift[2] * metrics.xc[i]
+            along = far - grid_velocity.y - grid_velocity.yaw_rate * metrics.xc[i]
             if along != 0.0:
                 before = j - 1 if along > 0.0 else j + 1
-                here = _rise(fraction, level, bed[j, i], j, i, metrics)[1]
-                there = _rise(fraction, level, bed[before, i], before, i, metrics)[1]
+                here = _rise(fraction, basin, j, i, metrics)[1]
+                there = _rise(fraction, basin, before, i, metrics)[1]
                 eta_y[j, i] -= dt * abs(along) * (here - there) / metrics.ey[max(j, before)]
 
 
 @njit(cache=True, error_model="numpy")
-def split_rise(fraction: Array, level: float, bed: Array, rates: Rates, metrics: Metrics, eta_y: Array) -> None:
-    """Ascribe the level's rise to the flow along x and y by their rates, where it is not known whence it came."""
+def split_rise(fraction: Array, basin: Basin, rates: Rates, metrics: Metrics, eta_y: Array) -> None:
+    """Ascribe the level's rise to flow along x and along y, in proportion to the rates of the sides across them.
+
+    For water that was set from outside: nothing is known of the flow that raised it.
+    """
     ny, _, nx = fraction.shape
     for j in range(HALO, ny - HALO):
         for i in range(HALO, nx - HALO):
             both = rates.x[i] + rates.y[j]
             eta_y[j, i] = 0.0
             if both > 0.0:
-                eta_y[j, i] = rates.y[j] / both * _rise(fraction, level, bed[j, i], j, i, metrics)[1]
+                eta_y[j, i] = rates.y[j] / both * _rise(fraction, basin, j, i, metrics)[1]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def relax_level(
-    fraction: Array, eta_y: Array, level: float, bed: Array, rates: Rates, dt: float, metrics: Metrics, added: Array
+    fraction: Array, eta_y: Array, basin: Basin, rates: Rates, dt: float, metrics: Metrics, added: Array
 ) -> None:
     """Draw the level of whole columns towards still water: fill the lowest gap or drain the top, cell after cell.
 
@@ -271,10 +385,11 @@ def relax_level(
         [-]
     eta_y : array, shape (ny, nx), changed
         Part of the level's rise that flow along y brought [m].
-    level : float
-        Of still water [m].
-    bed : array, shape (ny, nx)
-        Height of the bed [m].
+    basin : Basin
+    rates : Rates
+    dt : float
+        [s]
+    metrics : Metrics
     added : array, shape (ny,), changed
         Volume added per row j [m^3].
     """
@@ -285,7 +400,7 @@ def relax_level(
         for i in range(HALO, nx - HALO):
             if max(x[i], y[j]) <= 0.0:
                 continue
-            lowest, rise = _rise(fraction, level, bed[j, i], j, i, metrics)
+            lowest, rise = _rise(fraction, basin, j, i, metrics)
             by_x = (rise - eta_y[j, i]) / (1.0 + dt * (x[i] + along_y * y[j]))
             by_y = eta_y[j, i] / (1.0 + dt * (y[j] + along_x * x[i]))
             eta_y[j, i] = by_y

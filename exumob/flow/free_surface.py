@@ -3,13 +3,14 @@
 Conservative volume of fluid by directional sweeps (Weymouth & Yue, J. Comput. Phys. 229 (2010) 2853), with THINC fluxes
 weighted by the surface's orientation (Xiao et al. 2005; Yokoi, J. Comput. Phys. 226 (2007) 1985) or, as a cross-check,
 with those of a plane in each cell (PLIC; Scardovelli & Zaleski, J. Comput. Phys. 164 (2000) 228). The fraction lives on
-full cells, inside solids too; what solids hold is refilled from the water beside them.
+full cells, inside solids too: `exumob.flow.surface_at_solids`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
@@ -17,7 +18,6 @@ from numpy.typing import NDArray
 
 from exumob.flow.active_rows import ActiveRows
 from exumob.flow.grid import HALO, Metrics
-from exumob.flow.solids import AreaFractions
 from exumob.support.arrays import Array
 
 Single = NDArray[np.float32]
@@ -215,13 +215,34 @@ def _orientation(c: Array, p: int, sy: int, sz: int) -> tuple[float, float, floa
     return gx / total, gy / total, gz / total
 
 
+class Sweeps(NamedTuple):
+    """Input and work space of the three sweeps of one step."""
+
+    begin: Array
+    """Fraction at the begin of the step [-]"""
+    relative: tuple[Array, Array, Array]
+    """Velocity relative to the grid on full faces [m/s]"""
+    dt: float
+    """[s]"""
+    planes: bool
+    """The surface in a cell is a plane; the THINC profile otherwise"""
+    cells: ActiveRows
+    """Cells that may change"""
+    faces: ActiveRows
+    """Cells whose low faces water may pass"""
+    orientation: tuple[Single, Single, Single]
+    """Work space: normal of the surface at the begin of the step, from `orient`"""
+    flux: Array
+    """Work space: volume of water through each low face, per face area [m]"""
+
+
 @njit(cache=True, error_model="numpy", parallel=True)
-def orient(fraction: Array, orientation: tuple[Single, Single, Single], spans: ActiveRows) -> None:
+def orient(fraction: Array, sweeps: Sweeps) -> None:
     """Orientation of the surface in every cell it passes; `UNKNOWN` in others."""
     ny, nz, nx = fraction.shape
     c = fraction.ravel()
-    ox, oy, oz = orientation[0].ravel(), orientation[1].ravel(), orientation[2].ravel()
-    lo, hi = spans
+    ox, oy, oz = sweeps.orientation[0].ravel(), sweeps.orientation[1].ravel(), sweeps.orientation[2].ravel()
+    lo, hi = sweeps.cells
     for j in prange(HALO, ny - HALO):
         for k in range(HALO, nz - HALO):
             start = (j * nz + k) * nx
@@ -233,40 +254,18 @@ def orient(fraction: Array, orientation: tuple[Single, Single, Single], spans: A
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def sweep_fluxes(
-    fraction: Array, flow: Array, axis: int, dt: float, orientation: tuple[Single, Single, Single], planes: bool,
-    spans: ActiveRows, metrics: Metrics, flux: Array,
-) -> None:  # fmt: skip
-    """Volume of water through each low face along one axis, per face area [m].
-
-    Parameters
-    ----------
-    fraction, flow : array
-        Fraction [-] and velocity relative to the grid [m/s].
-    axis : int
-        0 x, 1 y, 2 z.
-    orientation : three arrays
-        Of the surface at the begin of the step, from `orient`.
-    planes : bool
-        Whether the surface in a cell is a plane; else the THINC profile.
-    spans : ActiveRows
-        Cells whose low faces are visited.
-    flux : array, changed
-        dt times flow times the fraction that passes [m].
-    """
+def sweep_fluxes(fraction: Array, sweeps: Sweeps, axis: int, metrics: Metrics) -> None:
+    """Volume of water through each low face along one axis (0 x, 1 y, 2 z): dt times velocity times what passes."""
     ny, nz, nx = fraction.shape
     sy, sz = nz * nx, nx
     stride = 1 if axis == 0 else (sy if axis == 1 else sz)
     back = np.uintp(stride)
     widths = metrics.dx if axis == 0 else (metrics.dy if axis == 1 else metrics.dz)
-    c, u, f = fraction.ravel(), flow.ravel(), flux.ravel()
-    along, other, third = (
-        orientation[axis].ravel(),
-        orientation[(axis + 1) % 3].ravel(),
-        orientation[(axis + 2) % 3].ravel(),
-    )
-    known = orientation[0].ravel()
-    lo, hi = spans
+    c, u, f = fraction.ravel(), sweeps.relative[axis].ravel(), sweeps.flux.ravel()
+    orientation, dt, planes = sweeps.orientation, sweeps.dt, sweeps.planes
+    along, known = orientation[axis].ravel(), orientation[0].ravel()
+    other, third = orientation[(axis + 1) % 3].ravel(), orientation[(axis + 2) % 3].ravel()
+    lo, hi = sweeps.faces
     for j in prange(HALO, ny - HALO + 1):
         for k in range(HALO, nz - HALO + 1):
             start = (j * nz + k) * nx
@@ -302,14 +301,13 @@ def sweep_fluxes(
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def sweep_update(
-    fraction: Array, begin: Array, flow: Array, flux: Array, axis: int, dt: float, spans: ActiveRows, metrics: Metrics
-) -> None:
+def sweep_update(fraction: Array, sweeps: Sweeps, axis: int, metrics: Metrics) -> None:
     """Take the fluxes of one sweep; cells that began more than half full also take the sweep's own dilatation."""
     ny, nz, nx = fraction.shape
     on = np.uintp(1 if axis == 0 else (nz * nx if axis == 1 else nx))
-    c, b, u, f = fraction.ravel(), begin.ravel(), flow.ravel(), flux.ravel()
-    lo, hi = spans
+    c, b, u, f = fraction.ravel(), sweeps.begin.ravel(), sweeps.relative[axis].ravel(), sweeps.flux.ravel()
+    dt = sweeps.dt
+    lo, hi = sweeps.cells
     for j in prange(HALO, ny - HALO):
         share = 1.0 / metrics.dx
         if axis == 1:
@@ -326,16 +324,14 @@ def sweep_update(
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def remove_dilatation(
-    fraction: Array, begin: Array, flow: tuple[Array, Array, Array], dt: float, spans: ActiveRows, metrics: Metrics
-) -> None:
+def remove_dilatation(fraction: Array, sweeps: Sweeps, metrics: Metrics) -> None:
     """Take back the sum of the sweeps' dilatations, which is 0 where the flow has no divergence: volume is exact."""
     ny, nz, nx = fraction.shape
     one, sy, sz = np.uintp(1), np.uintp(nz * nx), np.uintp(nx)
-    c, b = fraction.ravel(), begin.ravel()
-    fx, fy, fz = flow[0].ravel(), flow[1].ravel(), flow[2].ravel()
+    c, b, dt = fraction.ravel(), sweeps.begin.ravel(), sweeps.dt
+    fx, fy, fz = sweeps.relative[0].ravel(), sweeps.relative[1].ravel(), sweeps.relative[2].ravel()
     share = 1.0 / metrics.dx
-    lo, hi = spans
+    lo, hi = sweeps.cells
     for j in prange(HALO, ny - HALO):
         share_y = 1.0 / metrics.dy[j]
         for k in range(HALO, nz - HALO):
@@ -349,189 +345,26 @@ def remove_dilatation(
                 c[p] = 0.0 if -1e-12 < value < 0.0 else value
 
 
-@njit(cache=True, error_model="numpy")
-def sample_outside(
-    fraction: Array, distance: Array, x: float, y: float, z: float, j: int, k: int, i: int, metrics: Metrics
-) -> float:
-    """Fraction at a point near cell (j, k, i), trilinear over the cells outside solids; -1 if there is none."""
-    ny, nz, nx = fraction.shape
-    while i > 1 and metrics.xc[i] > x:
-        i -= 1
-    while i < nx - 3 and metrics.xc[i + 1] <= x:
-        i += 1
-    while j > 1 and metrics.yc[j] > y:
-        j -= 1
-    while j < ny - 3 and metrics.yc[j + 1] <= y:
-        j += 1
-    while k > 1 and metrics.zc[k] > z:
-        k -= 1
-    while k < nz - 3 and metrics.zc[k + 1] <= z:
-        k += 1
-    fx = min(max((x - metrics.xc[i]) / metrics.ex[i + 1], 0.0), 1.0)
-    fy = min(max((y - metrics.yc[j]) / metrics.ey[j + 1], 0.0), 1.0)
-    fz = min(max((z - metrics.zc[k]) / metrics.ez[k + 1], 0.0), 1.0)
-    total, weights = 0.0, 0.0
-    for a in range(2):
-        for b in range(2):
-            for c in range(2):
-                if distance[j + a, k + b, i + c] > 0.0:
-                    weight = (fy if a else 1.0 - fy) * (fz if b else 1.0 - fz) * (fx if c else 1.0 - fx)
-                    total += weight * fraction[j + a, k + b, i + c]
-                    weights += weight
-    return total / weights if weights > 1e-6 else -1.0
-
-
-@njit(cache=True, error_model="numpy", parallel=True)
-def refill_solids(fraction: Array, distance: Array, regions: NDArray[np.int64], metrics: Metrics, depth: float) -> None:
-    """Give cells inside solids, up to `depth` cells below the wall, the fraction of the fluid beside them.
-
-    Parameters
-    ----------
-    fraction : array, changed
-        [-]
-    distance : array
-        Signed distance to the nearest solid [m].
-    regions : array of int, shape (n, 6)
-        Index boxes of the solids.
-    depth : float
-        [cells]
-    """
-    ny, nz, nx = fraction.shape
-    for n in range(len(regions)):
-        for j in prange(max(regions[n, 0], HALO), min(regions[n, 1], ny - HALO)):
-            for k in range(max(regions[n, 2], HALO), min(regions[n, 3], nz - HALO)):
-                for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
-                    d = distance[j, k, i]
-                    if d >= 0.0:
-                        continue
-                    gx = (distance[j, k, i + 1] - distance[j, k, i - 1]) / (metrics.ex[i + 1] + metrics.ex[i])
-                    gy = (distance[j + 1, k, i] - distance[j - 1, k, i]) / (metrics.ey[j + 1] + metrics.ey[j])
-                    gz = (distance[j, k + 1, i] - distance[j, k - 1, i]) / (metrics.ez[k + 1] + metrics.ez[k])
-                    norm = math.sqrt(gx * gx + gy * gy + gz * gz)
-                    if norm < 1e-6:
-                        continue
-                    gx, gy, gz = gx / norm, gy / norm, gz / norm
-                    h = abs(gx) * metrics.dx[i] + abs(gy) * metrics.dy[j] + abs(gz) * metrics.dz[k]
-                    if d > -0.5 * h or d < -depth * h:
-                        continue
-                    step = h - d
-                    value = sample_outside(  # of cells outside alone, so the order of the writes does not matter
-                        fraction, distance, metrics.xc[i] + step * gx, metrics.yc[j] + step * gy,
-                        max(metrics.zc[k] + step * gz, metrics.zc[HALO]), j, k, i, metrics,
-                    )  # fmt: skip
-                    if value >= 0.0:
-                        fraction[j, k, i] = value
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def open_share(solids: AreaFractions, j: int, k: int, i: int) -> float:
-    """Mean area_fractions of a cell's six faces."""
-    return (
-        solids.bx[j, k, i] + solids.bx[j, k, i + 1] + solids.by[j, k, i] + solids.by[j + 1, k, i] + solids.bz[j, k, i]
-        + solids.bz[j, k + 1, i]
-    ) / 6.0  # fmt: skip
-
-
-@njit(cache=True, error_model="numpy", parallel=True)
-def release_surface(
-    fraction: Array, changed: Array, solids: AreaFractions, regions: NDArray[np.int64], position: Array, velocity: Array,
-    angular_velocity: Array, frame: Array, dt: float, metrics: Metrics,
-) -> None:  # fmt: skip
-    """Undo what the closed part of cut cells carried along the wall.
-
-    The fraction moves with the solid where a cell is closed; a wall that slides through the surface would drag it
-    along by that share of the cell and take water out of the open part. Only the motion through the wall moves water.
-
-    Parameters
-    ----------
-    fraction : array, changed
-        [-]
-    changed : array
-        Work space.
-    position, velocity, angular_velocity : array, shape (n, 3)
-        Of the solids, grid axes.
-    frame : array, shape (3,)
-        Velocity of the grid's origin [m/s] and its yaw rate [rad/s].
-    """
-    ny, nz, nx = fraction.shape
-    d = solids.distance
-    for n in range(len(regions)):
-        for j in prange(max(regions[n, 0], HALO), min(regions[n, 1], ny - HALO)):
-            for k in range(max(regions[n, 2], HALO), min(regions[n, 3], nz - HALO)):
-                for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
-                    if solids.nearest[j, k, i] != n:
-                        continue
-                    share = open_share(solids, j, k, i)
-                    if not 0.001 <= share <= 0.999:
-                        continue
-                    c = fraction[j, k, i]
-                    changed[j, k, i] = c
-                    gx = (d[j, k, i + 1] - d[j, k, i - 1]) / (metrics.ex[i + 1] + metrics.ex[i])
-                    gy = (d[j + 1, k, i] - d[j - 1, k, i]) / (metrics.ey[j + 1] + metrics.ey[j])
-                    gz = (d[j, k + 1, i] - d[j, k - 1, i]) / (metrics.ez[k + 1] + metrics.ez[k])
-                    norm = math.sqrt(gx * gx + gy * gy + gz * gz)
-                    if norm < 1e-6:
-                        continue
-                    gx, gy, gz = gx / norm, gy / norm, gz / norm
-                    x, y, z = metrics.xc[i], metrics.yc[j], metrics.zc[k]
-                    px, py, pz = x - position[n, 0], y - position[n, 1], z - position[n, 2]
-                    o = angular_velocity[n]
-                    ux = velocity[n, 0] + o[1] * pz - o[2] * py - (frame[0] - frame[2] * y)
-                    uy = velocity[n, 1] + o[2] * px - o[0] * pz - (frame[1] + frame[2] * x)
-                    uz = velocity[n, 2] + o[0] * py - o[1] * px
-                    through = ux * gx + uy * gy + uz * gz
-                    ux, uy, uz = ux - through * gx, uy - through * gy, uz - through * gz
-                    if ux > 0.0:
-                        slope = ux * (fraction[j, k, i + 1] - c) / metrics.ex[i + 1]
-                    else:
-                        slope = ux * (c - fraction[j, k, i - 1]) / metrics.ex[i]
-                    if uy > 0.0:
-                        slope += uy * (fraction[j + 1, k, i] - c) / metrics.ey[j + 1]
-                    else:
-                        slope += uy * (c - fraction[j - 1, k, i]) / metrics.ey[j]
-                    if uz > 0.0:
-                        slope += uz * (fraction[j, k + 1, i] - c) / metrics.ez[k + 1]
-                    elif k > HALO:
-                        slope += uz * (c - fraction[j, k - 1, i]) / metrics.ez[k]
-                    changed[j, k, i] = c + dt * (1.0 - share) * slope
-    for n in range(len(regions)):
-        for j in prange(max(regions[n, 0], HALO), min(regions[n, 1], ny - HALO)):
-            for k in range(max(regions[n, 2], HALO), min(regions[n, 3], nz - HALO)):
-                for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
-                    if solids.nearest[j, k, i] == n and 0.001 <= open_share(solids, j, k, i) <= 0.999:
-                        fraction[j, k, i] = changed[j, k, i]
-
-
 def transport(
-    fraction: Array, begin: Array, flow: tuple[Array, Array, Array], order: tuple[int, int, int], dt: float,
-    orientation: tuple[Single, Single, Single], planes: bool, faces: ActiveRows, cells: ActiveRows,
-    metrics: Metrics, flux: Array, fill: Callable[[Array], None],
-) -> None:  # fmt: skip
-    """Carry the fraction over one step; `fill(fraction)` sets the halo after each sweep.
+    fraction: Array, sweeps: Sweeps, order: tuple[int, int, int], metrics: Metrics, fill: Callable[[Array], None]
+) -> None:
+    """Carry the fraction over one step.
 
     Parameters
     ----------
     fraction : array, changed
-        [-]; on entry equal to `begin`.
-    begin : array
-        Fraction at the begin of the step.
-    flow : three arrays
-        Velocity relative to the grid on full faces [m/s].
+        [-]; on entry equal to `Sweeps.begin`.
+    sweeps : Sweeps
     order : three ints
-        Order of the sweeps (changed from step to step).
-    dt : float
-        [s]
-    orientation : three arrays, changed
-        Work space.
-    planes : bool
-        As in `sweep_fluxes`.
-    faces, cells : ActiveRows
-        Water, 2 cells and 1 cell wider: the three sweeps together wet no cell that does not touch water.
+        Axes of the sweeps in turn (changed from step to step).
+    metrics : Metrics
+    fill : callable
+        ``fill(fraction)`` sets the halo after each sweep.
     """
-    orient(fraction, orientation, cells)
+    orient(fraction, sweeps)
     for axis in order:
-        sweep_fluxes(fraction, flow[axis], axis, dt, orientation, planes, faces, metrics, flux)
-        sweep_update(fraction, begin, flow[axis], flux, axis, dt, cells, metrics)
+        sweep_fluxes(fraction, sweeps, axis, metrics)
+        sweep_update(fraction, sweeps, axis, metrics)
         fill(fraction)
-    remove_dilatation(fraction, begin, flow, dt, cells, metrics)
+    remove_dilatation(fraction, sweeps, metrics)
     fill(fraction)

@@ -42,6 +42,16 @@ class Metrics(NamedTuple):
     ez: Array
 
 
+class GridVelocity(NamedTuple):
+    """Motion of the grid over the bed during a step, in the grid's own axes."""
+
+    x: float
+    y: float
+    """Velocity of the origin [m/s]"""
+    yaw_rate: float
+    """[rad/s]"""
+
+
 @dataclass(frozen=True)
 class Grid:
     """Window of the flow: faces along x, y and z [m], each increasing.
@@ -165,7 +175,7 @@ class Grid:
 
     @property
     def smallest_width(self) -> float:
-        """[m]"""
+        """Least width of a cell along any axis [m]."""
         return float(min(np.diff(f).min() for f in (self.x_faces, self.y_faces, self.z_faces)))
 
     @cached_property

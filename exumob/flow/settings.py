@@ -1,4 +1,4 @@
-"""How the flow is computed."""
+"""Settings of the flow solver."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numba
 
-from exumob.flow.turbulence import closures as turbulence
+from exumob.flow.turbulence import closures
 from exumob.support.checks import require_positive, require_within
 
-DEFAULT_CLOSURE = turbulence.Smagorinsky()
+DEFAULT_CLOSURE = closures.Smagorinsky()
 SURFACES = "thinc", "plic"
 
 
@@ -72,8 +72,8 @@ class FlowSettings:
     absorbing_width: float = 0.6
     absorbing_strength: float = 10.0
     closed_top: bool = False
-    closure: turbulence.Closure | None = DEFAULT_CLOSURE
-    viscosity: float = turbulence.MOLECULAR_VISCOSITY
+    closure: closures.Closure | None = DEFAULT_CLOSURE
+    viscosity: float = closures.MOLECULAR_VISCOSITY
     surface: str = "thinc"
     wall_shear: bool = True
     bed_roughness: float | None = None

@@ -1,21 +1,22 @@
-"""What the flow solver carries from step to step, and what it reports."""
+"""State of the flow that passes from step to step, and the reports of the solver."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from exumob.flow.active_rows import ActiveRows
-from exumob.flow.solids import Poses
 from exumob.support.arrays import Array
 
 
 @dataclass
 class FlowState:
-    """All that changes in time and cannot be computed from the rest; arrays carry the halo."""
+    """All that changes in time and cannot be computed from the rest; arrays carry the halo.
+
+    The names of the fields are those of saved states.
+    """
 
     u: Array
     v: Array
@@ -31,7 +32,7 @@ class FlowState:
     """Velocity on full faces that carries fraction and momentum [m/s]"""
     lo: NDArray[np.int32]
     hi: NDArray[np.int32]
-    """ActiveRows of the rows where velocity is kept up"""
+    """Bounds of the rows where velocity is kept up (`ActiveRows`)"""
     fraction: Array
     """Water per full cell [-]"""
     wet: NDArray[np.uint8]
@@ -45,7 +46,7 @@ class FlowState:
     time: float
     """[s]"""
     frame: Array
-    """Grid origin x, y [m] and yaw [rad] in the world, shape (3,)"""
+    """Pose of the grid: origin x, y [m] and yaw [rad] in the world, shape (3,)"""
     steps: int = 0
     """Steps done"""
     step: float = 0.0
@@ -63,9 +64,9 @@ class FlowState:
     def zeros(cls, shape: tuple[int, int, int], turbulence_fields: int = 0) -> FlowState:
         """All zero, for fields of this shape."""
         u, v, w, ex, ey, ez, cx, cy, cz, fraction, phi = (np.zeros(shape) for _ in range(11))
-        spans, wet = ActiveRows.padded(shape), np.zeros(shape, dtype=np.uint8)
+        rows, wet = ActiveRows.padded(shape), np.zeros(shape, dtype=np.uint8)
         return cls(
-            u, v, w, ex, ey, ez, cx, cy, cz, spans.lo, spans.hi, fraction, wet, phi, np.zeros((shape[0], shape[2])),
+            u, v, w, ex, ey, ez, cx, cy, cz, rows.lo, rows.hi, fraction, wet, phi, np.zeros((shape[0], shape[2])),
             1.0, 0.0, np.zeros(3),
             turbulence=np.zeros((turbulence_fields, *shape)),
         )  # fmt: skip
@@ -95,21 +96,6 @@ class FlowState:
         return self.cx, self.cy, self.cz
 
 
-class Placed(NamedTuple):
-    """Solids in grid axes, one row each."""
-
-    position: Array
-    """Origins [m], shape (n, 3)"""
-    rotation: Array
-    """Body -> grid, shape (n, 3, 3)"""
-    velocity: Array
-    """[m/s]"""
-    rate: Array
-    """Angular velocity [rad/s]"""
-    spin: Array
-    """Angular velocity of the surface relative to the body [rad/s]"""
-
-
 @dataclass(frozen=True)
 class Loads:
     """Loads on n solids in their own axes about their origins: force [N] and moment [N m], each of shape (n, 6)."""
@@ -117,18 +103,30 @@ class Loads:
     pressure: Array
     shear: Array
     """Wall friction, and the drag of lugs (`exumob.flow.tread`)"""
-    exchange: Array
-    """Momentum that faces hardly open pass to the wall"""
+    slip_momentum: Array
+    """Momentum that faces hardly open pass to the wall (`exumob.flow.velocity_extension.blend`)"""
+
+    @classmethod
+    def zeros(cls, n: int) -> Loads:
+        """No loads on n solids."""
+        return cls(np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((n, 6)))
+
+    def plus(self, other: Loads, share: float) -> Loads:
+        """These and a share of others."""
+        return Loads(
+            self.pressure + share * other.pressure, self.shear + share * other.shear,
+            self.slip_momentum + share * other.slip_momentum,
+        )  # fmt: skip
 
     @property
     def total(self) -> Array:
         """Sum of the three, shape (n, 6)."""
-        return self.pressure + self.shear + self.exchange
+        return self.pressure + self.shear + self.slip_momentum
 
 
 @dataclass(frozen=True)
 class StepReport:
-    """What one call of `FlowSolver.advance` took."""
+    """Effort of one call of `FlowSolver.advance`."""
 
     steps: int
     """Sub-steps"""
@@ -140,20 +138,3 @@ class StepReport:
     """Largest Courant number [-]"""
     halvings: int
     """Steps that failed and were halved"""
-
-
-def interpolate(begin: Poses, end: Poses, interval: float, part: float) -> Poses:
-    """Poses at a part (0 to 1) of an interval [s]: cubic in the positions, rotations along the shortest arc."""
-    from scipy.spatial.transform import Rotation
-
-    p = part
-    h00, h10, h01, h11 = 2 * p**3 - 3 * p**2 + 1, p**3 - 2 * p**2 + p, 3 * p**2 - 2 * p**3, p**3 - p**2
-    position = (
-        h00 * begin.position + h10 * interval * begin.velocity + h01 * end.position + h11 * interval * end.velocity
-    )
-    rotation = begin.rotation.copy()
-    for n in range(len(rotation)):
-        arc = Rotation.from_matrix(end.rotation[n] @ begin.rotation[n].T).as_rotvec()
-        rotation[n] = Rotation.from_rotvec(p * arc).as_matrix() @ begin.rotation[n]
-    mean = [(1 - p) * getattr(begin, k) + p * getattr(end, k) for k in ("velocity", "angular_velocity", "spin")]
-    return Poses(position, rotation, *mean)

@@ -1,16 +1,19 @@
-"""Velocity where the projection sets none, and where it is poor: in the air, inside solids, on faces hardly open."""
+"""Extension of the velocity to where the projection sets none or a poor one: air, solids, faces hardly open."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from exumob.flow.active_rows import ActiveRows
+from exumob.flow.active_rows import WaterCells
+from exumob.flow.area_fractions import AreaFractions
+from exumob.flow.forces import add_wrench
 from exumob.flow.grid import HALO, Metrics
-from exumob.flow.solids import AreaFractions
+from exumob.flow.poses import PlacedSolids, body_velocity, cells_near
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 
@@ -19,21 +22,21 @@ TRUSTED = 0.5
 BLENDED = 0.7
 """Faces less open than this are drawn towards the slip velocity [-]."""
 BLEND_RATE = 50.0
-"""... at BLEND_RATE [(BLENDED - area_fractions) / area_fractions]^2 [1/s]."""
+"""... at BLEND_RATE [(BLENDED - beta) / beta]^2, beta the area fraction [1/s]."""
 LAYERS = 3
 """Faces beyond the water to which the velocity is extended."""
 REACH = LAYERS + 1
 """Cells round the water whose velocity is kept up."""
 FASTEST_FALL = 3.0
-"""Of water too thin to be resolved [m/s]."""
+"""Largest speed at which water too thin to be resolved falls [m/s]."""
 OUTSIDE = np.uint8(255)
 """Label of faces that have no velocity of their own: the halo, and what is far from any water."""
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def extend(
-    e: Array, q: Array, wet: NDArray[np.uint8], open_faces: Array, fraction: Array, axis: int, far: float, dt: float,
-    spans: ActiveRows, label: NDArray[np.uint8],
+    e: Array, q: Array, cells: WaterCells, area_fractions: AreaFractions, axis: int, far: float, dt: float,
+    label: NDArray[np.uint8],
 ) -> None:  # fmt: skip
     """Extend one velocity component `LAYERS` faces into air and solids by averages of known neighbours.
 
@@ -46,12 +49,15 @@ def extend(
         The extended component [m/s].
     q : array, changed
         The component [m/s]; takes the extended values where the projection set none.
-    open_faces : array
-        Its area_fractions [-].
+    cells : WaterCells
+        `near` is `REACH` cells wider than the water.
+    area_fractions : AreaFractions
+    axis : int
+        Of the component: 0 x, 1 y, 2 z.
     far : float
         Undisturbed flow [m/s].
-    spans : ActiveRows
-        Cells with water, `REACH` cells wider.
+    dt : float
+        [s]
     label : array, changed
         0 unknown, 1 known, 2 and more extended, `OUTSIDE`.
     """
@@ -59,9 +65,10 @@ def extend(
     sy, sz = np.uintp(nz * nx), np.uintp(nx)
     one = np.uintp(1)
     own = one if axis == 0 else (sy if axis == 1 else sz)
-    value, given, c, is_wet = e.ravel(), q.ravel(), fraction.ravel(), wet.ravel()
-    beta, mark = open_faces.ravel(), label.ravel()
-    lo, hi = spans
+    value, given, c, is_wet = e.ravel(), q.ravel(), cells.fraction.ravel(), cells.wet.ravel()
+    o = area_fractions
+    beta, mark = (o.bx if axis == 0 else (o.by if axis == 1 else o.bz)).ravel(), label.ravel()
+    lo, hi = cells.near
     drop = GRAVITY * dt if axis == 2 else 0.0
     unknown, labelled = np.zeros((ny, nz), dtype=np.int32), np.zeros((ny, nz), dtype=np.int32)
     for j in prange(ny):
@@ -96,9 +103,7 @@ def extend(
                     continue
                 first, last = max(lo[j, k], HALO), min(hi[j, k], nx - HALO)
                 start = (j * nz + k) * nx + first
-                labelled[j, k] += _average_row(
-                    value, mark, start, last - first, sy, sz, np.uint8(layer), averages, labels
-                )  # fmt: skip
+                labelled[j, k] += _average_row(value, mark, start, last - first, (sy, sz), layer, (averages, labels))
     for j in prange(HALO, ny - HALO):
         for k in range(HALO, nz - HALO):
             if unknown[j, k] == 0:
@@ -127,13 +132,14 @@ def _pair(q: Array, mark: NDArray[np.uint8], low: int, high: int, lowest: int) -
 
 @njit(cache=True, error_model="numpy")
 def _average_row(
-    q: Array, mark: NDArray[np.uint8], start: int, n: int, sy: int, sz: int, layer: int, averages: Array,
-    labels: NDArray[np.uint8],
+    q: Array, mark: NDArray[np.uint8], start: int, n: int, strides: tuple[np.uintp, np.uintp], layer: int,
+    work: tuple[Array, NDArray[np.uint8]],
 ) -> int:  # fmt: skip
     """Give unknown faces of a row the mean of their neighbours of lower layers, if there are any, and a label.
 
     Returns how many got one. Pairs are added first, so that mirrored flows stay mirrored to the last bit.
     """
+    (sy, sz), (averages, labels) = strides, work
     one, lowest, count = np.uintp(1), np.uint8(layer - 1), 0
     for m in range(n):
         p = np.uintp(start + m)
@@ -152,69 +158,84 @@ def _average_row(
     return count
 
 
+class Blending(NamedTuple):
+    """The velocity that `blend` changes, and the water that had it after the last step."""
+
+    velocity: tuple[Array, Array, Array]
+    """Changed [m/s]"""
+    extended: tuple[Array, Array, Array]
+    """Extended velocity [m/s]; nan where the extension does not reach"""
+    wet: NDArray[np.uint8]
+    """1 in cells that were wet"""
+    density: float
+    """[kg/m^3]"""
+    dt: float
+    """Step to come [s]"""
+
+
 @njit(cache=True, error_model="numpy", parallel=True)
-def blend(
-    out: tuple[Array, Array, Array], ext: tuple[Array, Array, Array], wet: NDArray[np.uint8], solids: AreaFractions,
-    regions: NDArray[np.int64], position: Array, velocity: Array, angular_velocity: Array, density: float, dt: float,
-    metrics: Metrics, exchange: Array,
-) -> None:  # fmt: skip
+def blend(blending: Blending, area_fractions: AreaFractions, solids: PlacedSolids, metrics: Metrics) -> Array:
     """Draw small open faces towards the extended velocity without its part through the wall; set closed ones to it.
 
-    u = (u + rate dt u_slip) / (1 + rate dt) with rate = 50 [(0.7 - beta) / beta]^2 1/s: a face that is hardly open has
-    hardly any water of its own. What momentum this takes is given to the solid. Where the extension does not reach,
-    nothing changes: fed by its own result, step by step, spray beside a curved wall would gather speed.
+    u = (u + rate dt u_slip) / (1 + rate dt) with rate = 50 [(0.7 - beta) / beta]^2 1/s, beta the area fraction: a face
+    that is hardly open has hardly any water of its own. What momentum this takes is given to the solid. Where the
+    extension does not reach, nothing changes: fed by its own result, step by step, spray beside a curved wall would
+    gather speed.
 
     Parameters
     ----------
-    out : three arrays, changed
-        Velocity [m/s].
-    ext : three arrays
-        Extended velocity [m/s]; nan where it does not reach.
-    regions : array of int, shape (n, 6)
-        Index boxes of the solids.
-    position, velocity, angular_velocity : array, shape (n, 3)
-        Of the solids, grid axes.
-    exchange : array, shape (n, 6), changed
-        Force [N] and moment [N m] about the solids' origins, grid axes.
+    blending : Blending
+    area_fractions : AreaFractions
+    solids : PlacedSolids
+        The solids and, last, a given bed.
+    metrics : Metrics
+
+    Returns
+    -------
+    array, shape (n, 6)
+        The slip momentum per second: force [N] and moment [N m] about the solids' origins, grid axes.
     """
+    velocity, extended, wet, density, dt = blending  # parallel loops take no record inside another
     ny = wet.shape[0]
-    for n in range(len(regions)):
+    wrenches = np.zeros((len(solids.regions), 6))
+    for n in range(len(solids.regions)):
         rows = np.zeros((ny, 6))
-        for j in prange(max(regions[n, 0], HALO), min(regions[n, 1], ny - HALO)):
-            _blend_row(
-                j, n, out, ext, wet, solids, regions, position[n], velocity[n], angular_velocity[n], density, dt,
-                metrics, rows[j],
-            )  # fmt: skip
+        (j0, j1), _, _ = cells_near(solids.regions, n, wet.shape)
+        for j in prange(j0, j1):
+            here = Blending(velocity, extended, wet, density, dt)
+            _blend_row(j, n, here, area_fractions, solids, metrics, rows[j])
         for j in range(ny):
             for m in range(6):
-                exchange[n, m] += rows[j, m]
+                wrenches[n, m] += rows[j, m]
+    return wrenches
 
 
 @njit(cache=True, error_model="numpy")
 def _blend_row(
-    j: int, n: int, out: tuple[Array, Array, Array], ext: tuple[Array, Array, Array], wet: NDArray[np.uint8],
-    solids: AreaFractions, regions: NDArray[np.int64], position: Array, velocity: Array, o: Array, density: float, dt: float,
-    metrics: Metrics, exchange: Array,
+    j: int, n: int, blending: Blending, area_fractions: AreaFractions, solids: PlacedSolids, metrics: Metrics,
+    wrench: Array,
 ) -> None:  # fmt: skip
-    """Row j of `blend` for solid n, which turns at `o` [rad/s]."""
-    _, nz, nx = wet.shape
-    d = solids.distance
-    for k in range(max(regions[n, 2], HALO), min(regions[n, 3], nz - HALO)):
-        for i in range(max(regions[n, 4], HALO), min(regions[n, 5], nx - HALO)):
+    """Row j of `blend` for solid n."""
+    velocity, extended, wet, density, dt = blending
+    o, position = area_fractions, solids.position[n]
+    d = o.distance
+    _, (k0, k1), (i0, i1) = cells_near(solids.regions, n, wet.shape)
+    for k in range(k0, k1):
+        for i in range(i0, i1):
             widest = max(metrics.dx[i], metrics.dy[j], metrics.dz[k])
             if not -4.0 * widest < d[j, k, i] < 2.0 * widest:
                 continue
             for axis in range(3):
-                beta = solids.bx[j, k, i] if axis == 0 else (solids.by[j, k, i] if axis == 1 else solids.bz[j, k, i])
+                beta = o.bx[j, k, i] if axis == 0 else (o.by[j, k, i] if axis == 1 else o.bz[j, k, i])
                 if beta >= BLENDED or (axis == 2 and k == HALO):
                     continue
                 jb, kb, ib = j - (axis == 1), k - (axis == 2), i - (axis == 0)
-                owner = solids.nearest[j, k, i] if d[j, k, i] <= d[jb, kb, ib] else solids.nearest[jb, kb, ib]
+                owner = o.nearest[j, k, i] if d[j, k, i] <= d[jb, kb, ib] else o.nearest[jb, kb, ib]
                 if owner != n:
                     continue
-                gx = _slope(d, j, k, i, jb, kb, ib, 0, metrics)
-                gy = _slope(d, j, k, i, jb, kb, ib, 1, metrics)
-                gz = _slope(d, j, k, i, jb, kb, ib, 2, metrics)
+                gx = _slope(d, (j, k, i), (jb, kb, ib), 0, metrics)
+                gy = _slope(d, (j, k, i), (jb, kb, ib), 1, metrics)
+                gz = _slope(d, (j, k, i), (jb, kb, ib), 2, metrics)
                 norm = math.sqrt(gx * gx + gy * gy + gz * gz)
                 if not 1e-3 < norm < 1e2:
                     continue
@@ -222,17 +243,18 @@ def _blend_row(
                 x = (metrics.xf[i] if axis == 0 else metrics.xc[i]) - position[0]
                 y = (metrics.yf[j] if axis == 1 else metrics.yc[j]) - position[1]
                 z = (metrics.zf[k] if axis == 2 else metrics.zc[k]) - position[2]
+                ux, uy, uz = body_velocity(solids, n, x, y, z)
                 through = (
-                    gx * (_at(ext[0], 0, axis, j, k, i) - (velocity[0] + o[1] * z - o[2] * y))
-                    + gy * (_at(ext[1], 1, axis, j, k, i) - (velocity[1] + o[2] * x - o[0] * z))
-                    + gz * (_at(ext[2], 2, axis, j, k, i) - (velocity[2] + o[0] * y - o[1] * x))
+                    gx * (_at(extended[0], 0, axis, j, k, i) - ux)
+                    + gy * (_at(extended[1], 1, axis, j, k, i) - uy)
+                    + gz * (_at(extended[2], 2, axis, j, k, i) - uz)
                 )
                 along = gx if axis == 0 else (gy if axis == 1 else gz)
-                target = ext[axis][j, k, i] - along * through
+                target = extended[axis][j, k, i] - along * through
                 if not math.isfinite(target):
                     continue
                 if (wet[j, k, i] or wet[jb, kb, ib]) and beta > 0.0:
-                    here = out[axis][j, k, i]
+                    here = velocity[axis][j, k, i]
                     strength = dt * BLEND_RATE * ((BLENDED - beta) / beta) ** 2
                     change = strength / (1.0 + strength) * (target - here)
                     volume = (
@@ -241,23 +263,16 @@ def _blend_row(
                         * (metrics.ez[k] if axis == 2 else metrics.dz[k])
                     )
                     force = -density * beta * volume * change / dt
-                    exchange[axis] += force
-                    if axis == 0:
-                        exchange[4] += z * force
-                        exchange[5] -= y * force
-                    elif axis == 1:
-                        exchange[3] -= z * force
-                        exchange[5] += x * force
-                    else:
-                        exchange[3] += y * force
-                        exchange[4] -= x * force
+                    fx, fy = (force if axis == 0 else 0.0), (force if axis == 1 else 0.0)
+                    add_wrench(wrench, (x, y, z), (fx, fy, force if axis == 2 else 0.0))
                     target = here + change
-                out[axis][j, k, i] = target
+                velocity[axis][j, k, i] = target
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _slope(d: Array, j: int, k: int, i: int, jb: int, kb: int, ib: int, axis: int, m: Metrics) -> float:
-    """Gradient of the distance along `axis` at the face between cells (j, k, i) and (jb, kb, ib)."""
+def _slope(d: Array, cell: tuple[int, int, int], before: tuple[int, int, int], axis: int, m: Metrics) -> float:
+    """Gradient of the distance along `axis` at the face between a cell (j, k, i) and the one before it."""
+    (j, k, i), (jb, kb, ib) = cell, before
     if axis == 0:
         if ib != i:
             return (d[j, k, i] - d[j, k, ib]) / m.ex[i]
@@ -278,7 +293,7 @@ def _slope(d: Array, j: int, k: int, i: int, jb: int, kb: int, ib: int, axis: in
 def _at(q: Array, component: int, axis: int, j: int, k: int, i: int) -> float:
     """Value of a velocity component at the face (axis; j, k, i): its own, or the mean of the four around it.
 
-    Of those that the extension reached; nan if it reached none.
+    Faces that the extension did not reach do not count; nan if it reached none of them.
     """
     if component == axis:
         return q[j, k, i]

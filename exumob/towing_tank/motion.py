@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from exumob.driving.maneuver import Maneuver, smooth_step
-from exumob.flow.solids import Poses
+from exumob.flow.poses import Poses
 from exumob.support.arrays import Array
 from exumob.support.checks import require_finite, require_positive, require_within
 from exumob.support.rotations import about_y, about_z

@@ -13,8 +13,8 @@ import xarray as xr
 from exumob.flow.bed import lowest_bed
 from exumob.flow.grid import Grid
 from exumob.flow.output.snapshots import Snapshot, snapshots_dataset
+from exumob.flow.poses import Poses
 from exumob.flow.settings import FlowSettings
-from exumob.flow.solids import Poses
 from exumob.flow.solver import FlowSolver
 from exumob.flow.tread import Tread
 from exumob.ground.terrain import Terrain
@@ -262,7 +262,8 @@ class _Record:
         solver = self.solver
         r = solver.report
         self.times.append(solver.time)
-        self.loads.append(np.stack([getattr(solver.loads, part) for part in PARTS]))
+        loads = solver.loads  # in the order of PARTS
+        self.loads.append(np.stack([loads.pressure, loads.shear, loads.slip_momentum]))
         self.poses.append(poses)
         self.reports.append((r.steps, r.iterations, r.residual, r.courant, r.halvings, solver.volume_added))
 

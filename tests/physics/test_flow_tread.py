@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, Tread, box, cylinder
-from exumob.flow.tread import push, tread_table
+from exumob.flow.active_rows import WaterCells
+from exumob.flow.forces import lug_drag
 from exumob.water.conditions import Water
 
 RADIUS, WIDTH, DEPTH = 0.12, 0.08, 0.2
@@ -31,16 +32,12 @@ def wheel(spin, tread=TREAD, steps=0, settings=None, cell=0.02):
 def pushed(spin):
     """Load on the wheel [N, N m] when water at rest is pushed, and momentum the water gains per second [N]."""
     solver, dt = wheel(spin), 1e-3
-    wet = (solver._state.fraction >= 0.5).astype(np.uint8)
-    du = tuple(np.zeros(solver.grid.padded_shape) for _ in range(3))
-    still = np.zeros(solver.grid.padded_shape)
-    loads, none, o, m = np.zeros((1, 6)), np.zeros((1, 3)), solver.area_fractions, solver.metrics
-    axle = np.array([[0.0, 1.0, 0.0]])
-    push(
-        du, still, still, still, solver._state.fraction, wet, o, solver._regions, np.array([[0.0, 0.0, DEPTH]]), none,
-        none, axle, spin * axle, tread_table(solver.solids), 1000.0, dt, m, loads,
-    )  # fmt: skip
-    gained = [1000.0 / dt * np.sum(b * q) * 0.02**3 for b, q in zip((o.bx, o.by, o.bz), du, strict=True)]
+    fraction = solver._state.fraction
+    cells = WaterCells.empty(fraction.shape)._replace(fraction=fraction, wet=(fraction >= 0.5).astype(np.uint8))
+    change, still = (tuple(np.zeros(fraction.shape) for _ in range(3)) for _ in range(2))
+    o, solids = solver.area_fractions, solver._step.placement.solids
+    loads = lug_drag(change, still, cells, o, solids, 1000.0, dt, solver.metrics)
+    gained = [1000.0 / dt * np.sum(b * q) * 0.02**3 for b, q in zip(o.faces, change, strict=True)]
     return loads[0], np.array(gained)
 
 

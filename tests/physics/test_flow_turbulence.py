@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, KOmegaSST, Poses, Smagorinsky, box, sphere
-from exumob.flow.active_rows import ActiveRows
-from exumob.flow.turbulence.closures import Walls
+from exumob.flow.active_rows import ActiveRows, WaterCells
+from exumob.flow.area_fractions import AreaFractions
+from exumob.flow.pressure import assembly
+from exumob.flow.step import StepFailed
+from exumob.flow.turbulence.closures import ClosureFields, WaterMotion
 from exumob.flow.turbulence.komega import BETA, BETA_STAR, step_up
 from exumob.flow.turbulence.wall import bed_shear, friction_velocity
 from exumob.water.conditions import Water
@@ -50,14 +53,15 @@ def test_decay_of_homogeneous_turbulence(dt):
     )
 
 
-def blob(drift, current, time=0.8, cell=0.025):
-    """k at the end, world axes, of a blob carried by `current` seen from a grid that moves at `drift` [m/s]."""
+def blob(grid_velocity, current, time=0.8, cell=0.025):
+    """k at the end, world axes, of a blob carried by `current` seen from a grid that moves at `grid_velocity` [m/s]."""
     grid = Grid.uniform((-1, -0.5, 0), (1, 0.5, 0.2), cell)
     settings = FlowSettings(closure=KOmegaSST(), absorbing_width=0.1)
     solver = FlowSolver(grid, (sphere(0.02),), Water(0.1, current_speed=current, current_direction=0.0), settings)
 
     def pose(t):
-        return dataclasses.replace(Poses.at_rest([[drift * t, 0.0, 0.15]]), velocity=np.array([[drift, 0.0, 0.0]]))
+        at_rest = Poses.at_rest([[grid_velocity * t, 0.0, 0.15]])
+        return dataclasses.replace(at_rest, velocity=np.array([[grid_velocity, 0.0, 0.0]]))
 
     solver.start(pose(0.0))
     x, y = (0.5 * (f[1:] + f[:-1]) for f in (grid.x_faces, grid.y_faces))
@@ -115,25 +119,29 @@ def test_one_step_of_the_closure_mirrors():
     solver = around_a_box(1.0)
     state, m, o = solver._state, solver.metrics, solver.area_fractions
     old = state.turbulence
-    at, none = np.array([[0.0, 0.06, 0.14]]), np.zeros((1, 3))
-    friction = np.array([0.005])
+    walls = solver._step.walls(solver._step.placement.solids)
     other = o._replace(
         bx=mirrored(o.bx), by=mirrored(o.by, True), bz=mirrored(o.bz), distance=mirrored(o.distance),
         nearest=mirrored(o.nearest),
     )  # fmt: skip
-    fx, fy, fz = solver._flow
-    given = (state.u, state.v, state.w, (fx, fy, fz), solver._state.wet, Walls(o, at, none, none, friction, 1e-3), old)
+    reverse_walls = walls._replace(
+        area_fractions=other, distance=other.distance, nearest=other.nearest,
+        solids=walls.solids._replace(position=walls.solids.position * [1, -1, 1]),
+    )  # fmt: skip
+    u, v, w = state.velocity
+    fx, fy, fz = solver._step.relative
+    given = state.velocity, (fx, fy, fz), state.wet, walls, old
     reverse = (
-        mirrored(state.u), -mirrored(state.v, True), mirrored(state.w),
-        (mirrored(fx), -mirrored(fy, True), mirrored(fz)), mirrored(solver._state.wet),
-        Walls(other, at * [1, -1, 1], none, none, friction, 1e-3), np.stack([mirrored(q) for q in old]),
+        (mirrored(u), -mirrored(v, True), mirrored(w)), (mirrored(fx), -mirrored(fy, True), mirrored(fz)),
+        mirrored(state.wet), reverse_walls, np.stack([mirrored(q) for q in old]),
     )  # fmt: skip
     results, whole = [], ActiveRows.padded(old.shape[1:])
-    for u, v, w, flow, wet, bounds, fields in (given, reverse):
+    for velocity, relative, wet, bounds, fields in (given, reverse):
         new, viscosity = np.zeros_like(old), np.zeros_like(fx)
+        cells = WaterCells.empty(wet.shape)._replace(wet=wet, active=whole, near=whole)
         KOmegaSST().update(
-            viscosity, fields.copy(), new, u, v, w, flow, wet, bounds, whole, whole, 0.01, 1e-6, m
-        )  # fmt: skip
+            ClosureFields(viscosity, fields.copy(), new), WaterMotion(velocity, relative, cells), bounds, 0.01, 1e-6, m
+        )
         results.append([*new[:2], viscosity])
     inner = np.s_[HALO:-HALO, HALO:7, HALO:-HALO]
     for one, two in zip(*results, strict=True):
@@ -157,15 +165,14 @@ def test_failed_step_leaves_the_fields(monkeypatch):
     """A step that fails after the closure has run, then done again: as if it had never been tried."""
     solver = around_a_box(1.0, steps=5)
     before = {name: values.copy() for name, values in solver.turbulence.items() if name != "viscosity"}
-    from exumob.flow.pressure import assembly as pressure
 
-    solve = pressure.solve
-    monkeypatch.setattr(pressure, "solve", lambda *a: pressure.Outcome(1, math.nan, False))
-    outcome = solver._step(0.01, solver._poses)
-    assert isinstance(outcome, str)
+    solve = assembly.solve
+    monkeypatch.setattr(assembly, "solve", lambda *a: assembly.Outcome(1, math.nan, False))
+    with pytest.raises(StepFailed, match="did not converge"):
+        solver._step.take(solver._state, solver._next, 0.01, solver._poses)
     for name, values in before.items():
         assert np.array_equal(solver.turbulence[name], values), name
-    monkeypatch.setattr(pressure, "solve", solve)
+    monkeypatch.setattr(assembly, "solve", solve)
     solver.advance(0.06)
     assert not np.array_equal(before["k"], solver.turbulence["k"])
     assert np.array_equal(solver.turbulence["k"], around_a_box(1.0, steps=6).turbulence["k"])
@@ -197,11 +204,12 @@ def test_bed_takes_the_momentum_that_the_log_law_says():
     grid = Grid.uniform((0, 0, 0), (0.5, 0.5, 0.5), 0.1)
     u, v, w = grid.zeros() + 0.8, grid.zeros() + 0.6, grid.zeros()
     wet = np.zeros(grid.padded_shape, dtype=np.uint8)
-    fraction, ones = grid.zeros(), np.ones(grid.padded_shape)
+    fraction = grid.zeros()
     wet[:, HALO], fraction[:, HALO] = 1, 1.0
+    cells = WaterCells.empty(grid.padded_shape)._replace(fraction=fraction, wet=wet)
     out = (u.copy(), v.copy(), w.copy())
     dt = 1e-4
-    bed_shear(out, u, v, fraction, wet, (ones, ones), 1e-3, 1e-6, dt, grid.metrics)
+    bed_shear(out, (u, v, w), cells, AreaFractions.open(grid.padded_shape), 1e-3, 1e-6, dt, grid.metrics)
     inner = np.s_[HALO:-HALO, HALO, HALO:-HALO]
     expected = dt * friction_velocity(1.0, 0.05, 1e-6, 1e-3) ** 2 / 0.1
     assert (u - out[0])[inner] == pytest.approx(0.8 * expected, rel=1e-3)

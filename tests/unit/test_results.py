@@ -249,7 +249,7 @@ import os, signal, sys
 from pathlib import Path
 import xarray as xr
 from exumob.simulation.result_files import load_dataset, save_dataset
-from exumob.simulation.results import load_dataset, save_dataset
+from exumob.simulation.result_files import load_dataset, save_dataset
 Path.replace = os.replace = os.rename = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
 save_dataset(load_dataset(sys.argv[1]), sys.argv[2])
 """
@@ -325,7 +325,7 @@ def test_missing_folder_saves_elsewhere(short_run, tmp_path, monkeypatch, caplog
 LIMITED = """
 import resource, sys, signal
 from exumob.simulation.result_files import load_dataset, save_dataset
-from exumob.simulation.results import load_dataset, save_dataset
+from exumob.simulation.result_files import load_dataset, save_dataset
 run = load_dataset(sys.argv[1])
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (30000, 30000))

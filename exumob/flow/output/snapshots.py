@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.flow.grid import HALO, Grid
-from exumob.flow.solids import Poses
+from exumob.flow.poses import Poses
 from exumob.flow.solver import FlowSolver
 from exumob.support.arrays import Array
 from exumob.support.rotations import about_z

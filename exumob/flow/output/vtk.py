@@ -18,7 +18,7 @@ import numpy as np
 from exumob.flow.grid import HALO
 from exumob.flow.output.snapshots import in_grid_axes, surface_elevation
 from exumob.flow.output.vehicle_surface import body_triangles, placed
-from exumob.flow.solids import Poses
+from exumob.flow.poses import Poses
 from exumob.flow.solver import FlowSolver
 from exumob.support.arrays import Array
 from exumob.support.files import atomic_write

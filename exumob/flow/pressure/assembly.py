@@ -1,28 +1,29 @@
-"""Pressure that makes the flow free of divergence: the equation, and what its solution does to the velocity.
+"""Equation of the pressure that frees the flow of divergence, and the projection of the velocity with its solution.
 
 Unknown: dt times the piezometric pressure over density, phi = dt (p / rho + g (z - level)) [m^2/s], at wet cells. The
-surface enters by the ghost-fluid method (second order: Gibou et al., J. Comput. Phys. 176 (2002) 205), the area_fractions of
-faces as in `exumob.flow.solids`. `exumob.flow.pressure.conjugate_gradients` solves it.
+surface enters by the ghost-fluid method (second order: Gibou et al., J. Comput. Phys. 176 (2002) 205), the area
+fractions of faces as in `exumob.flow.area_fractions`. `exumob.flow.pressure.conjugate_gradients` solves it.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from exumob.flow.active_rows import ActiveRows
+from exumob.flow.active_rows import ActiveRows, WaterCells, WetCells
+from exumob.flow.area_fractions import AreaFractions
 from exumob.flow.free_surface import gradient, stack_distance
 from exumob.flow.grid import HALO, Metrics
 from exumob.flow.pressure.conjugate_gradients import Outcome, solve
-from exumob.flow.pressure.multigrid import Level, Levels, U, clear_row
-from exumob.flow.solids import AreaFractions
+from exumob.flow.pressure.levels import Level, Levels, U, clear_row
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 
-__all__ = ["FULL", "Levels", "Outcome", "assemble", "project", "solve"]
+__all__ = ["FULL", "Conditions", "Levels", "Outcome", "assemble", "project", "solve"]
 
 FULL = 0.999
 """Fraction from which a cell without surface is no void [-]."""
@@ -32,16 +33,66 @@ EMPTYING_RATE = 10.0
 """... at most at this rate times sqrt(g / height of the cell): else the shorter the step the faster the flow."""
 
 
+class Conditions(NamedTuple):
+    """Conditions on the pressure at the surface, in voids and at the window's sides."""
+
+    dt: float
+    """[s]"""
+    level: float
+    """Height at which the piezometric pressure of air is 0: still water [m]"""
+    closest: float
+    """Least distance of the surface from a cell's centre over the distance between centres [-]"""
+    stiffness: float
+    """Compliance of enclosed voids, div u = -stiffness (1 - fraction)^2 p / rho [s/m^2]"""
+    given_bed: bool
+    """A bed closes part of the window's sides; solids stay away from them"""
+
+
+class Equation(NamedTuple):
+    """The equation that `assemble` fills; see there."""
+
+    couplings: Level
+    rhs: Array
+    theta: tuple[Array, Array, Array]
+
+
+class _Flat(NamedTuple):
+    """Flat views of the fields that `_add_surface` reads and writes."""
+
+    fraction: Array
+    wet: NDArray[np.uint8]
+    open_faces: tuple[Array, Array, Array]
+    theta: tuple[Array, Array, Array]
+    rhs: Array
+
+
+class _FaceRow(NamedTuple):
+    """The faces of one row across one axis, from which the gradient of the pressure is subtracted; flat views."""
+
+    velocity: Array
+    phi: Array
+    wet: NDArray[np.uint8]
+    open_faces: Array
+    theta: Array
+    spacing: Array
+    """Between the cells' centres [m], one per face"""
+    first: np.uintp
+    step: np.uintp
+    """Place of the first face, and from a cell to the one before it"""
+
+
 @njit(cache=True, error_model="numpy")
 def _add_passing(
-    source: Array, q: Array, beta: Array, solid: Array, first: np.uintp, step: np.uintp, count: int, area: float,
-    outer_low: bool, outer_high: bool,
+    source: Array, faces: tuple[Array, Array, Array], first: np.uintp, step: np.uintp, count: int, area: float,
+    outer: tuple[bool, bool],
 ) -> None:  # fmt: skip
     """Add `area` times what passes the low faces of a row's cells less what passes their high faces.
 
-    `outer_low`, `outer_high`: these are the window's sides, where the velocity is given and nothing closes the face.
+    `faces`: velocity of the water, area fraction and velocity of the solid. `outer`: whether the low and the high
+    faces are the window's sides, where the velocity is given and nothing closes the face.
     """
-    closed_low, closed_high = 0.0 if outer_low else 1.0, 0.0 if outer_high else 1.0
+    q, beta, solid = faces
+    closed_low, closed_high = 0.0 if outer[0] else 1.0, 0.0 if outer[1] else 1.0
     for n in range(count):
         m = U(n)
         p = first + m
@@ -55,7 +106,7 @@ def _add_passing(
 def _couple(
     out: Array, beta: Array, wet: NDArray[np.uint8], first: np.uintp, step: np.uintp, count: int, scale: float
 ) -> None:
-    """AreaFractions of a row's low faces between wet cells, times `scale`."""
+    """Area fractions of a row's low faces between wet cells, times `scale`."""
     for n in range(count):
         p = first + U(n)
         value = scale * beta[p]
@@ -73,43 +124,60 @@ def _split(row: Array, lo: int, out: NDArray[np.float32], level: Level, r: int) 
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _distance(
-    c: Array, p: int, axis: int, up: int, at: int, sy: int, sz: int, dx: Array, dy: Array, dz: Array
-) -> float:  # fmt: skip
-    """Distance from a cell's centre to the surface along an axis [m]; `at`: the cell's index there."""
+def _distance(c: Array, p: int, axis: int, up: int, at: int, strides: tuple[int, int], metrics: Metrics) -> float:
+    """Distance from a cell's centre to the surface along an axis [m].
+
+    `at`: the cell's index there; `strides`: from a cell to the next along y and along z.
+    """
     if axis == 2:
-        return stack_distance(c, p, sz, up, dz, at, HALO)
+        return stack_distance(c, p, strides[1], up, metrics.dz, at, HALO)
     if axis == 0:
-        return stack_distance(c, p, 1, up, dx, at, 0)
-    return stack_distance(c, p, sy, up, dy, at, 0)
+        return stack_distance(c, p, 1, up, metrics.dx, at, 0)
+    return stack_distance(c, p, strides[0], up, metrics.dy, at, 0)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _add_surface(
-    cells: NDArray[np.int64], cell_count: int, j: int, k: int, shape: tuple[int, int, int], c: Array,
-    wet: NDArray[np.uint8], area_fractions: tuple[Array, Array, Array], theta: tuple[Array, Array, Array],
-    widths: tuple[Array, Array, Array], spacings: tuple[Array, Array, Array], heights: Array, dt: float, level: float,
-    closest: float, stiffness: float, begin: int, extra: Array, rhs: Array,
+    row: tuple[int, int], cells: NDArray[np.int64], shape: tuple[int, int, int], flat: _Flat, conditions: Conditions,
+    metrics: Metrics, begin: int, extra: Array,
 ) -> None:  # fmt: skip
     """Add what surface and voids give to the diagonal [m] and to the right-hand side [m^3/s] of some cells of a row.
 
     The surface lies where the distances to it of the wet and of the dry cell say so, both along the axis nearest to
     its normal at the wet one.
+
+    Parameters
+    ----------
+    row : two ints
+        The row, j and k.
+    cells : array of int
+        The cells i.
+    shape : three ints
+        Of the fields.
+    flat : _Flat
+        `theta` and `rhs` are changed.
+    conditions, metrics
+    begin : int
+        Cell that `extra` begins with.
+    extra : array, changed
+        The diagonal's share of the row [m].
     """
-    ny, nz, nx = shape
+    (j, k), (ny, nz, nx) = row, shape
     sy, sz = nz * nx, nx
-    bx, by, bz = area_fractions
-    tx, ty, tz = theta
-    dx, dy, dz = widths
-    ex, ey, ez = spacings
-    for n in range(cell_count):
+    c, wet, rhs = flat.fraction, flat.wet, flat.rhs
+    bx, by, bz = flat.open_faces
+    tx, ty, tz = flat.theta
+    dt, level, closest, stiffness, _ = conditions
+    dx, dy, dz, heights = metrics.dx, metrics.dy, metrics.dz, metrics.zc
+    ex, ey, ez = metrics.ex, metrics.ey, metrics.ez
+    for n in range(len(cells)):
         i = cells[n]
         p = (j * nz + k) * nx + i
         gx, gy, gz = gradient(c, p, sy, sz)
         steepest = 2 if abs(gz) >= abs(gx) and abs(gz) >= abs(gy) else (0 if abs(gx) >= abs(gy) else 1)
         up = -1 if (gz if steepest == 2 else (gx if steepest == 0 else gy)) > 0.0 else 1
         place = k if steepest == 2 else (i if steepest == 0 else j)
-        here = _distance(c, p, steepest, up, place, sy, sz, dx, dy, dz)
+        here = _distance(c, p, steepest, up, place, (sy, sz), metrics)
         diagonal, surface, openings = 0.0, 0.0, 0.0
         enclosed = True
         for axis in range(3):
@@ -123,7 +191,7 @@ def _add_surface(
                 if beta == 0.0 or wet[q] == 1 or m < HALO or m >= end - HALO:
                     continue
                 enclosed = False
-                there = _distance(c, q, steepest, up, m if axis == steepest else place, sy, sz, dx, dy, dz)
+                there = _distance(c, q, steepest, up, m if axis == steepest else place, (sy, sz), metrics)
                 if here <= 0.0 or there >= 0.0:  # folded or very thin: interpolate the fraction
                     share = (c[p] - 0.5) / max(c[p] - c[q], 1e-12)
                 else:
@@ -152,23 +220,28 @@ def _add_surface(
 
 @njit(cache=True, error_model="numpy")
 def _assemble_row(
-    j: int, u: Array, v: Array, w: Array, fraction: Array, wet: NDArray[np.uint8], solids: AreaFractions, given_bed: bool,
-    metrics: Metrics, dt: float, level: float, closest: float, stiffness: float, spans: ActiveRows, tx: Array, ty: Array,
-    tz: Array, couplings: Level, rhs: Array,
+    j: int, velocity: tuple[Array, Array, Array], water: WetCells, area_fractions: AreaFractions,
+    conditions: Conditions, metrics: Metrics, equation: Equation,
 ) -> None:  # fmt: skip
     """Row j of `assemble`."""
+    fraction, o = water.fraction, area_fractions
+    couplings, given_bed, dt = equation.couplings, conditions.given_bed, conditions.dt
+    u, v, w = velocity
     ny, nz, nx = fraction.shape
     one, sz, sy = U(1), U(nx), U(nz * nx)
-    clear_row(couplings, j, spans.lo[j] // 2, (spans.hi[j] + 1) // 2)
-    c, full, right = fraction.ravel(), wet.ravel(), rhs.ravel()
-    bx, by, bz = solids.bx.ravel(), solids.by.ravel(), solids.bz.ravel()
+    clear_row(couplings, j, water.lo[j] // 2, (water.hi[j] + 1) // 2)
+    c, full, right = fraction.ravel(), water.wet.ravel(), equation.rhs.ravel()
+    bx, by, bz = o.bx.ravel(), o.by.ravel(), o.bz.ravel()
+    along_x, along_y, along_z = (
+        (u.ravel(), bx, o.sx.ravel()), (v.ravel(), by, o.sy.ravel()), (w.ravel(), bz, o.sz.ravel()),
+    )  # fmt: skip
+    tx, ty, tz = equation.theta
+    flat = _Flat(c, full, (bx, by, bz), (tx.ravel(), ty.ravel(), tz.ravel()), right)
     # one cell more on either side: a pair may reach beyond the span
     ax, ay, az, extra, source = np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros(nx)
-    cells = np.empty(nx, np.int64)
-    theta, widths = (tx.ravel(), ty.ravel(), tz.ravel()), (metrics.dx, metrics.dy, metrics.dz)
-    spacings = metrics.ex, metrics.ey, metrics.ez
+    at_surface = np.empty(nx, np.int64)
     for k in range(HALO, nz - HALO):
-        lo, hi = int(spans.lo[j, k]), int(spans.hi[j, k])
+        lo, hi = int(water.lo[j, k]), int(water.hi[j, k])
         count = hi - lo
         if count <= 0:
             continue
@@ -181,10 +254,8 @@ def _assemble_row(
         _couple(a2, by, full, first, sy, count, dz / metrics.ey[j])
         _couple(a3, bz, full, first, sz, count, dy / metrics.ez[k])
         s1[:count] = 0.0
-        _add_passing(
-            s1, v.ravel(), by, solids.sy.ravel(), first, sy, count, dz, front and not given_bed, back and not given_bed
-        )
-        _add_passing(s1, w.ravel(), bz, solids.sz.ravel(), first, sz, count, dy, bed, roof)
+        _add_passing(s1, along_y, first, sy, count, dz, (front and not given_bed, back and not given_bed))
+        _add_passing(s1, along_z, first, sz, count, dy, (bed, roof))
         for n in range(count):
             m = U(n)
             a1[m] /= ex[m]
@@ -192,11 +263,11 @@ def _assemble_row(
             a3[m] *= dx[m]
             s1[m] *= dx[m]
             e1[m] = 0.0
-        _add_passing(s1, u.ravel(), bx, solids.sx.ravel(), first, one, count, dy * dz, False, False)
+        _add_passing(s1, along_x, first, one, count, dy * dz, (False, False))
         if lo == HALO and not given_bed:
-            s1[0] += dy * dz * (1.0 - solids.bx[j, k, lo]) * (u[j, k, lo] - solids.sx[j, k, lo])
+            s1[0] += dy * dz * (1.0 - o.bx[j, k, lo]) * (u[j, k, lo] - o.sx[j, k, lo])
         if hi == nx - HALO and not given_bed:
-            s1[count - 1] -= dy * dz * (1.0 - solids.bx[j, k, hi]) * (u[j, k, hi] - solids.sx[j, k, hi])
+            s1[count - 1] -= dy * dz * (1.0 - o.bx[j, k, hi]) * (u[j, k, hi] - o.sx[j, k, hi])
         emptying = min(EMPTYING / dt, EMPTYING_RATE * math.sqrt(GRAVITY / dz)) * dy * dz
         for n in range(count):
             m = U(n)
@@ -211,12 +282,9 @@ def _assemble_row(
             p = first + U(n)
             inside = full[p - one] & full[p + one] & (full[p - sz] | bed) & (full[p + sz] | roof)
             inside &= (full[p - sy] | front) & (full[p + sy] | back)
-            cells[found] = lo + n
+            at_surface[found] = lo + n
             found += full[p] & (1 - (inside & (c[p] >= FULL)))
-        _add_surface(
-            cells, found, j, k, (ny, nz, nx), c, full, (bx, by, bz), theta, widths, spacings, metrics.zc, dt, level,
-            closest, stiffness, lo - 1, extra, right,
-        )  # fmt: skip
+        _add_surface((j, k), at_surface[:found], (ny, nz, nx), flat, conditions, metrics, lo - 1, extra)
 
         r = j * nz + k
         for row in (ax, ay, az, extra):
@@ -230,45 +298,37 @@ def _assemble_row(
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def assemble(
-    u: Array, v: Array, w: Array, fraction: Array, wet: NDArray[np.uint8], solids: AreaFractions, given_bed: bool,
-    metrics: Metrics, dt: float, level: float, closest: float, stiffness: float, spans: ActiveRows, tx: Array, ty: Array,
-    tz: Array, couplings: Level, rhs: Array,
+    velocity: tuple[Array, Array, Array], cells: WaterCells, area_fractions: AreaFractions, conditions: Conditions,
+    metrics: Metrics, couplings: Level, rhs: Array, theta: tuple[Array, Array, Array],
 ) -> None:  # fmt: skip
     """Couplings and right-hand side of the pressure equation.
 
     Parameters
     ----------
-    u, v, w : array
-        Velocity before the projection [m/s].
-    given_bed : bool
-        Whether a bed closes part of the window's sides; solids stay away from them.
-    level : float
-        Height at which the piezometric pressure of air is 0: still water [m].
-    closest : float
-        Least distance of the surface from a cell's centre, as a share of the distance between centres [-].
-    stiffness : float
-        Compliance of enclosed voids, div u = -stiffness (1 - fraction)^2 p / rho [s/m^2].
-    spans : ActiveRows
-        Of the wet cells.
-    tx, ty, tz : array, changed
-        Where on the way from the wet to the dry cell the surface lies [-], for faces between such cells.
+    velocity : three arrays
+        Before the projection [m/s].
+    cells : WaterCells
+    area_fractions : AreaFractions
+    conditions : Conditions
+    metrics : Metrics
     couplings : Level, changed
         Finest level of the multigrid.
     rhs : array, changed
-        Inside the spans [m^3/s].
+        Right-hand side, inside the rows of wet cells [m^3/s].
+    theta : three arrays, changed
+        Place of the surface on the way from the wet to the dry cell [-], for x, y, z faces between such cells.
     """
-    for j in prange(HALO, fraction.shape[0] - HALO):
-        _assemble_row(
-            j, u, v, w, fraction, wet, solids, given_bed, metrics, dt, level, closest, stiffness, spans, tx, ty, tz,
-            couplings, rhs,
-        )  # fmt: skip
+    water = WetCells(cells.fraction, cells.wet, cells.wet_rows.lo, cells.wet_rows.hi)
+    for j in prange(HALO, cells.fraction.shape[0] - HALO):
+        equation = Equation(couplings, rhs, theta)  # put together here: parallel loops take no record in another
+        _assemble_row(j, velocity, water, area_fractions, conditions, metrics, equation)
 
 
 @njit(cache=True, error_model="numpy")
-def _hull(spans: ActiveRows, j: int, k: int, jj: int, kk: int) -> tuple[int, int]:
-    """Span that holds those of two rows."""
-    lo, hi = int(spans.lo[j, k]), int(spans.hi[j, k])
-    low, high = int(spans.lo[jj, kk]), int(spans.hi[jj, kk])
+def _hull(rows: ActiveRows, j: int, k: int, jj: int, kk: int) -> tuple[int, int]:
+    """Begin and end of the cells that hold those of two rows (j, k) and (jj, kk)."""
+    lo, hi = int(rows.lo[j, k]), int(rows.hi[j, k])
+    low, high = int(rows.lo[jj, kk]), int(rows.hi[jj, kk])
     if low == high:
         return lo, hi
     if lo == hi:
@@ -277,23 +337,27 @@ def _hull(spans: ActiveRows, j: int, k: int, jj: int, kk: int) -> tuple[int, int
 
 
 @njit(cache=True, error_model="numpy")
-def _project_inside(
-    q: Array, phi: Array, wet: NDArray[np.uint8], beta: Array, spacing: Array, first: np.uintp, step: np.uintp
-) -> None:
-    """Subtract the gradient on a row's open faces between wet cells; spacing [m], one per face."""
+def _project_faces(faces: _FaceRow, heights: tuple[float, float], level: float, g: float) -> None:
+    """Subtract the gradient on a row's open faces: between wet cells, and between water and air.
+
+    Parameters
+    ----------
+    faces : _FaceRow
+        The velocity is changed.
+    heights : two floats
+        Of the centres of the cells before and behind the faces [m].
+    level : float
+        Of still water [m].
+    g : float
+        Gravity times the step [m/s].
+    """
+    q, phi, wet, beta, theta, spacing, first, step = faces
+    z_low, z_high = heights
     for n in range(len(spacing)):
         m = U(n)
         p = first + m
         change = (phi[p] - phi[p - step]) / spacing[m]
         q[p] -= change if ((wet[p] & wet[p - step]) == 1) & (beta[p] > 0.0) else 0.0
-
-
-@njit(cache=True, error_model="numpy")
-def _project_surface(
-    q: Array, phi: Array, wet: NDArray[np.uint8], beta: Array, theta: Array, spacing: Array, first: np.uintp,
-    step: np.uintp, z_low: float, z_high: float, level: float, g: float,
-) -> None:  # fmt: skip
-    """The same on open faces between water and air; z_low, z_high: centres of the cells before and behind [m]."""
     for n in range(len(spacing)):
         p = first + U(n)
         if wet[p] == wet[p - step] or beta[p] == 0.0:
@@ -307,44 +371,52 @@ def _project_surface(
 
 @njit(cache=True, error_model="numpy")
 def _project_row(
-    j: int, u: Array, v: Array, w: Array, phi: Array, wet: NDArray[np.uint8], solids: AreaFractions, metrics: Metrics,
-    dt: float, level: float, spans: ActiveRows, tx: Array, ty: Array, tz: Array,
+    j: int, velocity: tuple[Array, Array, Array], phi: Array, water: WetCells, area_fractions: AreaFractions,
+    conditions: Conditions, metrics: Metrics, theta: tuple[Array, Array, Array],
 ) -> None:  # fmt: skip
     """Row j of `project`."""
     _, nz, nx = phi.shape
-    g = dt * GRAVITY
-    f, full = phi.ravel(), wet.ravel()
+    g, level = conditions.dt * GRAVITY, conditions.level
+    f, wet, o, rows = phi.ravel(), water.wet.ravel(), area_fractions, ActiveRows(water.lo, water.hi)
     even = np.empty(nx)
     for k in range(HALO, nz - HALO):
         z, begin = metrics.zc[k], (j * nz + k) * nx
-        lo, hi = int(spans.lo[j, k]), int(spans.hi[j, k])
+        lo, hi = int(rows.lo[j, k]), int(rows.hi[j, k])
         if lo < hi:
             lo, hi = max(lo, HALO + 1), min(hi + 1, nx - HALO)
-            spacing, first, step = metrics.ex[lo:hi], U(begin + lo), U(1)
-            q, beta = u.ravel(), solids.bx.ravel()
-            _project_inside(q, f, full, beta, spacing, first, step)
-            _project_surface(q, f, full, beta, tx.ravel(), spacing, first, step, z, z, level, g)
-        lo, hi = _hull(spans, j, k, j - 1, k)
+            q, beta, t = velocity[0].ravel(), o.bx.ravel(), theta[0].ravel()
+            _project_faces(_FaceRow(q, f, wet, beta, t, metrics.ex[lo:hi], U(begin + lo), U(1)), (z, z), level, g)
+        lo, hi = _hull(rows, j, k, j - 1, k)
         if j > HALO and lo < hi:
-            spacing, first, step = even[lo:hi], U(begin + lo), U(nz * nx)
-            spacing[:] = metrics.ey[j]
-            q, beta = v.ravel(), solids.by.ravel()
-            _project_inside(q, f, full, beta, spacing, first, step)
-            _project_surface(q, f, full, beta, ty.ravel(), spacing, first, step, z, z, level, g)
-        lo, hi = _hull(spans, j, k, j, k - 1)
+            even[lo:hi] = metrics.ey[j]
+            q, beta, t = velocity[1].ravel(), o.by.ravel(), theta[1].ravel()
+            _project_faces(_FaceRow(q, f, wet, beta, t, even[lo:hi], U(begin + lo), U(nz * nx)), (z, z), level, g)
+        lo, hi = _hull(rows, j, k, j, k - 1)
         if k > HALO and lo < hi:
-            spacing, first, step = even[lo:hi], U(begin + lo), U(nx)
-            spacing[:] = metrics.ez[k]
-            q, beta = w.ravel(), solids.bz.ravel()
-            _project_inside(q, f, full, beta, spacing, first, step)
-            _project_surface(q, f, full, beta, tz.ravel(), spacing, first, step, metrics.zc[k - 1], z, level, g)
+            even[lo:hi] = metrics.ez[k]
+            q, beta, t = velocity[2].ravel(), o.bz.ravel(), theta[2].ravel()
+            heights = metrics.zc[k - 1], z
+            _project_faces(_FaceRow(q, f, wet, beta, t, even[lo:hi], U(begin + lo), U(nx)), heights, level, g)
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def project(
-    u: Array, v: Array, w: Array, phi: Array, wet: NDArray[np.uint8], solids: AreaFractions, metrics: Metrics, dt: float,
-    level: float, spans: ActiveRows, tx: Array, ty: Array, tz: Array,
+    velocity: tuple[Array, Array, Array], phi: Array, cells: WaterCells, area_fractions: AreaFractions,
+    conditions: Conditions, metrics: Metrics, theta: tuple[Array, Array, Array],
 ) -> None:  # fmt: skip
-    """Subtract the gradient of phi from the velocity on every open face of a wet cell."""
+    """Subtract the gradient of phi from the velocity on every open face of a wet cell.
+
+    Parameters
+    ----------
+    velocity : three arrays, changed
+        [m/s]
+    phi : array
+        dt times piezometric pressure over density [m^2/s].
+    cells, area_fractions, conditions, metrics
+        As given to `assemble`.
+    theta : three arrays
+        As `assemble` left them.
+    """
+    water = WetCells(cells.fraction, cells.wet, cells.wet_rows.lo, cells.wet_rows.hi)
     for j in prange(HALO, phi.shape[0] - HALO):
-        _project_row(j, u, v, w, phi, wet, solids, metrics, dt, level, spans, tx, ty, tz)
+        _project_row(j, velocity, phi, water, area_fractions, conditions, metrics, theta)

@@ -12,9 +12,9 @@ import numba
 import numpy as np
 from numba import njit, prange
 
-from exumob.flow.active_rows import ActiveRows
 from exumob.flow.grid import HALO, Metrics
-from exumob.flow.pressure.multigrid import ZERO, Level, Levels, Store, U, Vectors, cycle, level_of, prepare
+from exumob.flow.pressure.levels import ZERO, Level, Levels, Store, U, Vectors, beside, level_of
+from exumob.flow.pressure.multigrid import cycle, prepare, residual_at
 from exumob.support.arrays import Array
 
 
@@ -83,24 +83,18 @@ def _largest_share(level: Level, residual: Array, j: int, metrics: Metrics) -> f
 @njit(cache=True, error_model="numpy")
 def _first_residual_row(level: Level, v: Vectors, j: int) -> float:
     """Row j of `first_residual`; its sum, to find what is not a number."""
-    ax, ay, az, extra, b = level.ax, level.ay, level.az, level.extra, level.b
-    x, residual = v.solution, v.residual
+    b, x, residual = level.b, v.solution, v.residual
     sz = U(2 * level.half)
     sy = U(level.nz) * sz
     total = 0.0
     for k in range(HALO, level.nz - HALO):
         r = j * level.nz + k
         for s in range(2):
-            low = U(level.half) - U(1) if s == 0 else U(0) - U(level.half)
-            high = U(level.half) if s == 0 else U(1) - U(level.half)
+            low, high = beside(level.half, s)
             first = U((2 * r + s) * level.half + level.lo[r])
             for n in range(level.hi[r] - level.lo[r]):
                 p = first + U(n)
-                h = x[p]
-                value = residual[p] - extra[p] * h
-                value += ax[p] * (x[p + low] - h) + ax[p + high] * (x[p + high] - h)
-                value += ay[p] * (x[p - sy] - h) + ay[p + sy] * (x[p + sy] - h)
-                value += az[p] * (x[p - sz] - h) + az[p + sz] * (x[p + sz] - h)
+                value = residual_at(level, x, residual, p, (low, high), (sy, sz))
                 residual[p] = value
                 b[p] = value
                 total += value
@@ -148,8 +142,7 @@ def _turn_row(level: Level, v: Vectors, j: int, beta: float) -> float:
     for k in range(HALO, level.nz - HALO):
         r = j * level.nz + k
         for s in range(2):
-            low = U(level.half) - U(1) if s == 0 else U(0) - U(level.half)
-            high = U(level.half) if s == 0 else U(1) - U(level.half)
+            low, high = beside(level.half, s)
             first = U((2 * r + s) * level.half + level.lo[r])
             for n in range(level.hi[r] - level.lo[r]):
                 p = first + U(n)
@@ -233,14 +226,7 @@ class Outcome(NamedTuple):
 
 
 def solve(
-    levels: Levels,
-    phi: Array,
-    metrics: Metrics,
-    dt: float,
-    spans: ActiveRows,
-    tolerance: float,
-    most: int,
-    closed: bool,
+    levels: Levels, phi: Array, metrics: Metrics, dt: float, tolerance: float, most: int, closed: bool
 ) -> Outcome:
     """Solve for phi [m^2/s], starting from what it holds.
 
@@ -250,8 +236,9 @@ def solve(
         With couplings and right-hand side from `exumob.flow.pressure.assembly.assemble`.
     phi : array, changed
         0 outside wet cells afterwards.
-    spans : ActiveRows
-        Of the wet cells, those given to `assemble`.
+    metrics : Metrics
+    dt : float
+        [s]
     tolerance : float
         Divergence left times dt [-].
     most : int

@@ -1,208 +1,29 @@
-"""Geometric multigrid for the symmetric systems of `exumob.flow.pressure.assembly`: levels, and one V-cycle as preconditioner.
+"""One V-cycle of geometric multigrid, the preconditioner of `exumob.flow.pressure.conjugate_gradients`.
 
-It relaxes vertical lines in checkerboard order (McAdams, Sifakis & Teran 2010 use it likewise) and coarsens
-x and y only: cells are flat seen from far, and columns are short. Neighbours are joined where they are narrow; cells
-that stretching has made wide are not, until those of the core have caught up: relaxation does nothing about errors that
-alternate along the wider side of a cell, so a coarser level must still show them. Corrections are constant over a
-coarse cell, whose couplings are rediscretised.
+It solves the symmetric systems of `exumob.flow.pressure.assembly` roughly: it relaxes vertical lines in checkerboard
+order (McAdams, Sifakis & Teran 2010 use it likewise) and coarsens x and y only (`exumob.flow.pressure.levels`).
+Corrections are constant over a coarse cell, whose couplings are rediscretised.
 
-Every row (j, k) is stored as its even cells followed by its odd ones, so that the cells of one colour and their
-neighbours of the other are contiguous: cell i is number i // 2 of the half i % 2. Only pairs of cells inside the
-spans of wet cells are visited. Outside them couplings and pivots are exact zeros.
+Every pass is written for one row j. It runs over all rows in parallel or, on levels too small to be worth the launch
+of threads, one after the other: hence two short loops round each.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
 from numba import njit, prange
-from numpy.typing import NDArray
 
-from exumob.flow.grid import HALO, Metrics
+from exumob.flow.grid import HALO
+from exumob.flow.pressure.levels import ZERO, Level, Single, Store, U, beside, clear_row, level_of
 from exumob.support.arrays import Array
 
-Single = NDArray[np.float32]
-COARSEST = 4
-"""Cells along x or y at which coarsening stops."""
-WIDEST = 1.4
-"""Width of two joined cells, over that of two of the narrowest ones, up to which they are joined."""
 COARSEST_SWEEPS = 4
 """Relaxations of the coarsest level, forth and back again."""
 SERIAL_ROWS = 400
 """Levels with fewer rows (j, k) are not worth the launch of threads."""
-ZERO = np.float32(0.0)
 ONE = np.float32(1.0)
-U = np.uintp
-"""Unsigned indices: Numba then leaves out its test for negative ones and uses vector instructions."""
-
-
-class Level(NamedTuple):
-    """One level of the multigrid: flat arrays in single precision, and per row the pairs of cells visited."""
-
-    ny: int
-    nz: int
-    half: int
-    """Cells in half a row"""
-    lo: NDArray[np.int32]
-    hi: NDArray[np.int32]
-    """First pair and the one after the last, of row j nz + k"""
-    ax: Single
-    ay: Single
-    az: Single
-    """Couplings through the low faces [m]"""
-    extra: Single
-    """What else stands on the diagonal: surface, compliance [m]"""
-    pivot: Single
-    """Inverse pivots of the vertical lines; 0 where there is no unknown"""
-    x: Single
-    b: Single
-    first_x: NDArray[np.int32]
-    first_y: NDArray[np.int32]
-    """The cell of the next finer level that a cell begins with, halo included"""
-    twin_x: Single
-    twin_y: Single
-    """1 if it joins two of these, else 0"""
-    closer_x: Single
-    closer_y: Single
-    """Distance of the finer cells on both sides of its low face over the distance of the cells themselves"""
-    parent_x: NDArray[np.int32]
-    parent_y: NDArray[np.int32]
-    """The cell of the next coarser level to which a cell belongs"""
-
-
-class Store(NamedTuple):
-    """All levels one after the other, for compiled code."""
-
-    shapes: NDArray[np.int64]
-    """Per level: first row, first cell, ny, nz, half, first place along x, along y"""
-    lo: NDArray[np.int32]
-    hi: NDArray[np.int32]
-    ax: Single
-    ay: Single
-    az: Single
-    extra: Single
-    pivot: Single
-    x: Single
-    b: Single
-    first_x: NDArray[np.int32]
-    first_y: NDArray[np.int32]
-    twin_x: Single
-    twin_y: Single
-    closer_x: Single
-    closer_y: Single
-    parent_x: NDArray[np.int32]
-    parent_y: NDArray[np.int32]
-
-
-class Vectors(NamedTuple):
-    """Vectors of the conjugate gradients, flat, ordered as the finest level."""
-
-    solution: Array
-    residual: Array
-    direction: Array
-    product: Array
-
-
-@njit(cache=True, error_model="numpy")
-def level_of(store: Store, depth: int) -> Level:
-    """Views of one level, 0 the finest."""
-    row, cell, ny, nz, half, place_x, place_y = store.shapes[depth]
-    rows, cells, end_x, end_y = row + ny * nz, cell + 2 * ny * nz * half, place_x + 2 * half, place_y + ny
-    return Level(
-        ny, nz, half, store.lo[row:rows], store.hi[row:rows], store.ax[cell:cells], store.ay[cell:cells],
-        store.az[cell:cells], store.extra[cell:cells], store.pivot[cell:cells], store.x[cell:cells],
-        store.b[cell:cells], store.first_x[place_x:end_x], store.first_y[place_y:end_y],
-        store.twin_x[place_x:end_x], store.twin_y[place_y:end_y], store.closer_x[place_x:end_x],
-        store.closer_y[place_y:end_y], store.parent_x[place_x:end_x], store.parent_y[place_y:end_y],
-    )  # fmt: skip
-
-
-def join(faces: Array, widest: float) -> NDArray[np.intp]:
-    """Which faces [m] of an axis stay when neighbours not wider than `widest` [m] together are joined in pairs."""
-    kept, n = [0], 0
-    while n < len(faces) - 1:
-        n += 2 if n + 2 < len(faces) and faces[n + 2] - faces[n] <= widest else 1
-        kept.append(n)
-    return np.array(kept)
-
-
-def _joints(size: int, faces: Array, kept: NDArray[np.intp]) -> tuple[NDArray[np.int32], Single, Single]:
-    """`first`, `twin` and `closer` of an axis of `size` cells whose faces are those `kept` of the finer ones [m]."""
-    n = len(kept) - 1
-    first = np.full(size, HALO + len(faces) - 1, dtype=np.int32)  # beyond the window the finer level has nothing either
-    twin, closer = np.zeros(size, np.float32), np.ones(size, np.float32)
-    first[:HALO] = np.arange(HALO)
-    first[HALO : HALO + n] = kept[:-1] + HALO
-    twin[HALO : HALO + n] = np.diff(kept) - 1
-    fine, coarse = 0.5 * (faces[1:] + faces[:-1]), 0.5 * (faces[kept][1:] + faces[kept][:-1])
-    closer[HALO + 1 : HALO + n] = np.diff(fine)[kept[1:-1] - 1] / np.diff(coarse)
-    return first, twin, closer
-
-
-def _parents(size: int, kept: NDArray[np.intp]) -> NDArray[np.int32]:
-    """`parent` of an axis of `size` cells, of whose faces those `kept` stay."""
-    inside = np.repeat(np.arange(len(kept) - 1), np.diff(kept)) + HALO
-    after = np.full(size - HALO - len(inside), len(kept) - 1 + HALO)
-    return np.concatenate([np.full(HALO, HALO - 1), inside, after]).astype(np.int32)
-
-
-class Levels:
-    """All levels of a grid, finest first, and the vectors of the conjugate gradients."""
-
-    def __init__(self, metrics: Metrics) -> None:
-        """Allocate for fields on a grid with these metrics."""
-        x, y = metrics.xf[HALO : len(metrics.xf) - HALO], metrics.yf[HALO : len(metrics.yf) - HALO]
-        narrowest, pz = float(min(np.diff(x).min(), np.diff(y).min())), len(metrics.dz)
-        kept_x, kept_y = np.arange(len(x)), np.arange(len(y))
-        shapes, row, cell, place_x, place_y = [], 0, 0, 0, 0
-        joints: list[tuple[NDArray[Any], ...]] = []
-        while True:
-            finer_x, finer_y = x, y
-            x, y = x[kept_x], y[kept_y]
-            nx, ny = len(x) - 1, len(y) - 1
-            py, half = ny + 2 * HALO, (nx + 2 * HALO) // 2 + 1
-            along_x, along_y = _joints(2 * half, finer_x, kept_x), _joints(py, finer_y, kept_y)
-            widest = 2.0 * WIDEST * narrowest * (1.0 + 1e-9)
-            kept_x, kept_y, narrowest = join(x, widest), join(y, widest), 2.0 * narrowest
-            both = (*zip(along_x, along_y, strict=True), (_parents(2 * half, kept_x), _parents(py, kept_y)))
-            joints.append(tuple(array for pair in both for array in pair))
-            shapes.append((row, cell, py, pz, half, place_x, place_y))
-            row, cell = row + py * pz, cell + 2 * py * pz * half
-            place_x, place_y = place_x + 2 * half, place_y + py
-            if min(nx, ny) <= COARSEST:
-                break
-        start = np.full(row, HALO // 2, dtype=np.int32)
-        values: list[NDArray[Any]] = [np.zeros(cell, dtype=np.float32) for _ in range(7)]
-        values += [np.concatenate(parts) for parts in zip(*joints, strict=True)]
-        self.store = Store(np.array(shapes), start, start.copy(), *values)
-        fine = 2 * shapes[0][2] * shapes[0][3] * shapes[0][4]
-        self.vectors = Vectors(*(np.zeros(fine) for _ in Vectors._fields))
-        self.levels: list[Level] = [level_of(self.store, d) for d in range(len(shapes))]
-        self.rhs = np.zeros((len(metrics.dy), pz, len(metrics.dx)))
-
-    def clear(self) -> None:
-        """Forget all values: after a solution that is not finite, as 0 times such a value is no 0."""
-        for array in (*self.store[3:10], *self.vectors):
-            array[:] = 0.0
-
 
 # -- couplings -------------------------------------------------------------------------------------------------------
-
-
-@njit(cache=True, error_model="numpy")
-def clear_row(level: Level, j: int, lo: NDArray[np.int32], hi: NDArray[np.int32]) -> None:
-    """Set what the last step left in row j to 0 and take new spans of pairs, one per k."""
-    for k in range(level.nz):
-        r = j * level.nz + k
-        if level.hi[r] > level.lo[r]:
-            for s in range(2):
-                first = U((2 * r + s) * level.half + level.lo[r])
-                last = U((2 * r + s) * level.half + level.hi[r])
-                for array in (level.ax, level.ay, level.az, level.extra, level.pivot, level.x):
-                    array[first:last] = ZERO
-        level.lo[r] = lo[k]
-        level.hi[r] = hi[k]
 
 
 @njit(cache=True, error_model="numpy")
@@ -215,7 +36,7 @@ def _factor_row(level: Level, j: int) -> None:
         r = j * level.nz + k
         for s in range(2):
             first = U((2 * r + s) * level.half + level.lo[r])
-            high = U(level.half) if s == 0 else U(1) - U(level.half)
+            _, high = beside(level.half, s)
             for n in range(level.hi[r] - level.lo[r]):
                 p = first + U(n)
                 diagonal = ax[p] + ax[p + high] + ay[p] + ay[p + sy] + az[p] + az[p + sz] + extra[p]
@@ -253,7 +74,7 @@ def _coarsen_row(fine: Level, coarse: Level, j: int) -> None:
     first, twin, closer = coarse.first_x, coarse.twin_x, coarse.closer_x
     parent = fine.parent_x
     for k in range(nz):
-        begin, end = span_of_rows(fine, j0, k, two)
+        begin, end = pairs_of_rows(fine, j0, k, two)
         lo[k] = parent[2 * begin] // 2 if end > begin else HALO // 2
         hi[k] = parent[2 * end - 1] // 2 + 1 if end > begin else HALO // 2
     clear_row(coarse, j, lo, hi)
@@ -282,8 +103,8 @@ def _coarsen_row(fine: Level, coarse: Level, j: int) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def span_of_rows(level: Level, j: int, k: int, two: bool) -> tuple[int, int]:
-    """Span of pairs that holds that of row j and, if there are `two`, j + 1."""
+def pairs_of_rows(level: Level, j: int, k: int, two: bool) -> tuple[int, int]:
+    """First pair and the one after the last that hold those of row j and, if there are `two`, of j + 1."""
     r, t = j * level.nz + k, (j + 1) * level.nz + k
     if not two or level.lo[t] == level.hi[t]:
         return level.lo[r], level.hi[r]
@@ -310,8 +131,7 @@ def _relax_row(level: Level, j: int, color: int, from_zero: bool) -> None:
     sz = U(2 * half)
     sy = U(nz) * sz
     s = (j + color) % 2
-    low = U(half) - U(1) if s == 0 else U(0) - U(half)
-    high = U(half) if s == 0 else U(1) - U(half)
+    low, high = beside(half, s)
     for k in range(HALO, nz - HALO):
         r = j * nz + k
         first, count = U((2 * r + s) * half + level.lo[r]), level.hi[r] - level.lo[r]
@@ -349,10 +169,24 @@ def relax_lines(level: Level, color: int, from_zero: bool, threaded: bool) -> No
             _relax_row(level, j, color, from_zero)
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def residual_at(
+    level: Level, x: Array, right: Array, p: np.uintp, sides: tuple[np.uintp, np.uintp],
+    strides: tuple[np.uintp, np.uintp],
+) -> float:  # fmt: skip
+    """Right-hand side less A x at cell p; `sides`: steps to its neighbours along x; `strides`: along y and z."""
+    (low, high), (sy, sz) = sides, strides
+    h = x[p]
+    rest = right[p] - level.extra[p] * h
+    rest += level.ax[p] * (x[p + low] - h) + level.ax[p + high] * (x[p + high] - h)
+    rest += level.ay[p] * (x[p - sy] - h) + level.ay[p + sy] * (x[p + sy] - h)
+    rest += level.az[p] * (x[p - sz] - h) + level.az[p + sz] * (x[p + sz] - h)
+    return rest
+
+
 @njit(cache=True, error_model="numpy")
 def _restrict_row(fine: Level, coarse: Level, j: int, total: Single) -> None:
     """Row j of `restrict`."""
-    ax, ay, az, extra = fine.ax, fine.ay, fine.az, fine.extra
     pivot, x, b = fine.pivot, fine.x, fine.b
     nz, half = fine.nz, fine.half
     sz = U(2 * half)
@@ -368,17 +202,12 @@ def _restrict_row(fine: Level, coarse: Level, j: int, total: Single) -> None:
             total[2 * begin : 2 * end] = ZERO
         for m in range(j0, j0 + rows):
             s = m % 2
-            low = U(half) - U(1) if s == 0 else U(0) - U(half)
-            high = U(half) if s == 0 else U(1) - U(half)
+            low, high = beside(half, s)
             first = U((2 * (m * nz + k) + s) * half + begin)
             place = U(2 * begin + s)
             for n in range(end - begin):
                 p = first + U(n)
-                h = x[p]
-                rest = b[p] - extra[p] * h
-                rest += ax[p] * (x[p + low] - h) + ax[p + high] * (x[p + high] - h)
-                rest += ay[p] * (x[p - sy] - h) + ay[p + sy] * (x[p + sy] - h)
-                rest += az[p] * (x[p - sz] - h) + az[p + sz] * (x[p + sz] - h)
+                rest = residual_at(fine, x, b, p, (low, high), (sy, sz))
                 total[place + U(2 * n)] = rest if pivot[p] > ZERO else ZERO
         for s in range(2):
             first = U((2 * r + s) * coarse.half + coarse.lo[r])
@@ -451,7 +280,7 @@ def prepare(store: Store, threads: int) -> None:
     """Coarsen the couplings and factor the vertical lines of all levels."""
     fine = level_of(store, 0)
     factor_lines(fine)
-    for depth in range(1, len(store.shapes)):
+    for depth in range(1, len(store.places)):
         coarse = level_of(store, depth)
         if threads > 1 and _is_large(coarse):
             coarsen(fine, coarse)
@@ -467,7 +296,7 @@ def prepare(store: Store, threads: int) -> None:
 @njit(cache=True, error_model="numpy")
 def cycle(store: Store, threads: int) -> None:
     """One symmetric V-cycle, x = M^-1 b on the finest level."""
-    last = len(store.shapes) - 1
+    last = len(store.places) - 1
     for depth in range(last):
         fine, coarse = level_of(store, depth), level_of(store, depth + 1)
         threaded = threads > 1 and _is_large(fine)

@@ -12,12 +12,12 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from numba import njit, prange
-from numpy.typing import NDArray
 
-from exumob.flow.active_rows import ActiveRows
+from exumob.flow.active_rows import WaterCells
+from exumob.flow.area_fractions import AreaFractions
 from exumob.flow.grid import HALO, Metrics
-from exumob.flow.solids import AreaFractions
 from exumob.flow.turbulence import komega
+from exumob.flow.turbulence.wall import Walls
 from exumob.support.arrays import Array
 from exumob.support.checks import require_positive, require_within
 
@@ -25,20 +25,25 @@ MOLECULAR_VISCOSITY = 1.0e-6
 """Kinematic viscosity of water at 20 degrees Celsius [m^2/s]."""
 
 
-class Walls(NamedTuple):
-    """What bounds the water during a step: area_fractions, and the motion of n surfaces in grid axes."""
+class ClosureFields(NamedTuple):
+    """The fields that a closure fills."""
 
-    area_fractions: AreaFractions
-    position: Array
-    """Origins of the solids [m], shape (n, 3)"""
-    velocity: Array
-    """Of the origins [m/s], shape (n, 3)"""
-    angular_velocity: Array
-    """Of the surfaces, spin included [rad/s], shape (n, 3)"""
-    friction: Array
-    """Skin-friction coefficients that act on the water [-], shape (n,)"""
-    bed_roughness: float
-    """Equivalent sand roughness of the bed [m]; negative: the bed slips"""
+    viscosity: Array
+    """Kinematic, molecular part included, of every cell [m^2/s]; changed"""
+    old: Array
+    """The closure's own fields at the begin of the step, shape (number, ny, nz, nx)"""
+    new: Array
+    """... and at its end; changed"""
+
+
+class WaterMotion(NamedTuple):
+    """The water that a closure looks at, at the begin of a step."""
+
+    velocity: tuple[Array, Array, Array]
+    """[m/s]"""
+    relative: tuple[Array, Array, Array]
+    """Velocity relative to the grid on full faces [m/s]"""
+    cells: WaterCells
 
 
 class Closure(Protocol):
@@ -52,26 +57,15 @@ class Closure(Protocol):
         """Set these fields, shape (number, ny, nz, nx), to those of undisturbed water; molecular viscosity [m^2/s]."""
 
     def update(
-        self, viscosity: Array, old: Array, new: Array, u: Array, v: Array, w: Array,
-        flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], walls: Walls, active: ActiveRows, near: ActiveRows,
-        dt: float, molecular: float, metrics: Metrics,
-    ) -> None:  # fmt: skip
+        self, fields: ClosureFields, motion: WaterMotion, walls: Walls, dt: float, molecular: float, metrics: Metrics
+    ) -> None:
         """Fill the kinematic viscosity, molecular part included, of every cell [m^2/s], and advance the fields.
 
         Parameters
         ----------
-        viscosity : array, changed
-        old, new : array, shape (number of fields, ny, nz, nx)
-            Fields at the begin and, changed, at the end of the step.
-        u, v, w : array
-            Velocity at the begin [m/s].
-        flow : three arrays
-            Velocity relative to the grid on full faces [m/s].
-        wet : array
-            Cells at least half full.
+        fields : ClosureFields
+        motion : WaterMotion
         walls : Walls
-        active, near : ActiveRows
-            Of the wet cells, one cell wider, and of all water, some cells wider.
         dt : float
             [s]
         molecular : float
@@ -102,12 +96,10 @@ class Smagorinsky:
         """Nothing to set; see `Closure`."""
 
     def update(
-        self, viscosity: Array, old: Array, new: Array, u: Array, v: Array, w: Array,
-        flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], walls: Walls, active: ActiveRows, near: ActiveRows,
-        dt: float, molecular: float, metrics: Metrics,
-    ) -> None:  # fmt: skip
+        self, fields: ClosureFields, motion: WaterMotion, walls: Walls, dt: float, molecular: float, metrics: Metrics
+    ) -> None:
         """Fill the viscosity; see `Closure`."""
-        smagorinsky(viscosity, u, v, w, wet, walls.area_fractions.distance, active, self.constant, molecular, metrics)
+        smagorinsky(fields.viscosity, motion.velocity, motion.cells, walls.distance, self.constant, molecular, metrics)
 
 
 @dataclass(frozen=True)
@@ -116,9 +108,9 @@ class KOmegaSST:
 
     Production of k is limited to ten times its destruction. Walls: solids with friction, and the bed if
     `FlowSettings.bed_roughness` is given; the first cells take production and omega from the log law with the shear
-    that acts on the water (`exumob.flow.turbulence.komega.walls`). The distance to solids is known within about six cells; farther
-    off F1 = F2 = 0. At the free surface the gradient is zero: no damping there. The eddy viscosity is bounded to what
-    an explicit stress bears, 0.2 / (dt (1/dx^2 + 1/dy^2 + 1/dz^2)).
+    that acts on the water (`exumob.flow.turbulence.komega.apply_wall_law`). The distance to solids is known within
+    about six cells; farther off F1 = F2 = 0. At the free surface the gradient is zero: no damping there. The eddy
+    viscosity is bounded to what an explicit stress bears, 0.2 / (dt (1/dx^2 + 1/dy^2 + 1/dz^2)).
 
     Parameters
     ----------
@@ -156,46 +148,40 @@ class KOmegaSST:
         fields[2] = komega.INACTIVE
 
     def update(
-        self, viscosity: Array, old: Array, new: Array, u: Array, v: Array, w: Array,
-        flow: tuple[Array, Array, Array], wet: NDArray[np.uint8], walls: Walls, active: ActiveRows, near: ActiveRows,
-        dt: float, molecular: float, metrics: Metrics,
-    ) -> None:  # fmt: skip
+        self, fields: ClosureFields, motion: WaterMotion, walls: Walls, dt: float, molecular: float, metrics: Metrics
+    ) -> None:
         """Advance k and omega and fill the viscosity; see `Closure`."""
-        o = walls.area_fractions
-        (old_k, old_omega, _), (new_k, new_omega, blend) = old, new
-        inflow = self.inflow(molecular)
-        for field, value in zip(old, inflow, strict=False):  # the blending needs no halo
-            komega.fill_sides(field, value, flow)
-        komega.sources(
-            viscosity, old_k, old_omega, new_k, new_omega, blend, u, v, w, wet, o.distance, walls.bed_roughness >= 0.0,
-            near, dt, molecular, metrics,
-        )  # fmt: skip
-        komega.walls(
-            old_k, new_k, new_omega, blend, u, v, w, o.distance, o.nearest, *walls[1:], active, molecular, metrics
+        (old_k, old_omega, _), (new_k, new_omega, blend) = fields.old, fields.new
+        inflow_k, inflow_omega = self.inflow(molecular)
+        komega.fill_sides(old_k, inflow_k, motion.relative)
+        komega.fill_sides(old_omega, inflow_omega, motion.relative)  # the blending needs no halo
+        model = komega.ModelFields(old_k, old_omega, new_k, new_omega, blend, fields.viscosity)
+        komega.sources(model, motion.velocity, motion.cells, walls, dt, molecular, metrics)
+        komega.apply_wall_law(model, motion.velocity, motion.cells, walls, walls.solids, molecular, metrics)
+        medium = komega.Medium(
+            motion.relative, walls.area_fractions, old_omega, blend, fields.viscosity, molecular, motion.cells.near
         )
-        carried = (blend, viscosity, flow, (o.bx, o.by, o.bz))
-        komega.transport(
-            old_k, new_k, old_omega, *carried, komega.SIGMA_K, (komega.BETA_STAR, komega.BETA_STAR), False, inflow[0],
-            komega.LEAST_K, near, dt, molecular, metrics,
-        )  # fmt: skip
-        komega.transport(
-            old_omega, new_omega, old_omega, *carried, komega.SIGMA_OMEGA, komega.BETA, True, inflow[1],
-            komega.LEAST_OMEGA, near, dt, molecular, metrics,
-        )  # fmt: skip
+        of_k = komega.ScalarEquation(
+            komega.SIGMA_K, (komega.BETA_STAR, komega.BETA_STAR), False, inflow_k, komega.LEAST_K
+        )
+        of_omega = komega.ScalarEquation(komega.SIGMA_OMEGA, komega.BETA, True, inflow_omega, komega.LEAST_OMEGA)
+        komega.transport(old_k, new_k, medium, of_k, dt, metrics)
+        komega.transport(old_omega, new_omega, medium, of_omega, dt, metrics)
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def smagorinsky(
-    viscosity: Array, u: Array, v: Array, w: Array, wet: NDArray[np.uint8], distance: Array, spans: ActiveRows,
-    constant: float, molecular: float, metrics: Metrics,
+    viscosity: Array, velocity: tuple[Array, Array, Array], cells: WaterCells, distance: Array, constant: float,
+    molecular: float, metrics: Metrics,
 ) -> None:  # fmt: skip
     """Kinematic viscosity of every cell [m^2/s]."""
-    ny, nz, nx = u.shape
+    ny, nz, nx = viscosity.shape
     one, sy, sz = np.uintp(1), np.uintp(nz * nx), np.uintp(nx)
-    uf, vf, wf, is_wet, d, nu = u.ravel(), v.ravel(), w.ravel(), wet.ravel(), distance.ravel(), viscosity.ravel()
+    uf, vf, wf = velocity[0].ravel(), velocity[1].ravel(), velocity[2].ravel()
+    is_wet, d, nu = cells.wet.ravel(), distance.ravel(), viscosity.ravel()
     sizes = constant * np.cbrt(metrics.dx)
     rdx, rex = 1.0 / metrics.dx, 0.5 / (metrics.ex[:nx] + np.append(metrics.ex[1:nx], metrics.ex[nx - 1]))
-    lo, hi = spans
+    lo, hi = cells.active
     for j in prange(HALO, ny - HALO):
         rdy, rey = 1.0 / metrics.dy[j], 0.5 / (metrics.ey[j] + metrics.ey[j + 1])
         for k in range(HALO, nz - HALO):
@@ -222,8 +208,8 @@ def smagorinsky(
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def add_stress(
-    out: Array, viscosity: Array, velocity: tuple[Array, Array, Array], wet: NDArray[np.uint8], open_faces: Array,
-    axis: int, dt: float, spans: ActiveRows, metrics: Metrics,
+    out: Array, viscosity: Array, velocity: tuple[Array, Array, Array], cells: WaterCells,
+    area_fractions: AreaFractions, axis: int, dt: float, metrics: Metrics,
 ) -> None:  # fmt: skip
     """Add dt times the divergence of nu (grad u + grad u^T) to one velocity component on wet, open faces."""
     ny, nz, nx = out.shape
@@ -236,9 +222,10 @@ def add_stress(
     else:
         own, a, b = z, x, y
     q, qa, qb = velocity[axis].ravel(), velocity[1 if axis == 0 else 0].ravel(), velocity[1 if axis == 2 else 2].ravel()
-    nu, result, is_wet, beta = viscosity.ravel(), out.ravel(), wet.ravel(), open_faces.ravel()
+    nu, result, is_wet, o = viscosity.ravel(), out.ravel(), cells.wet.ravel(), area_fractions
+    beta = (o.bx if axis == 0 else (o.by if axis == 1 else o.bz)).ravel()
     so, sa, sb = np.uintp(own), np.uintp(a), np.uintp(b)
-    lo, hi = spans
+    lo, hi = cells.active
     ex_high = np.append(1.0 / m.ex[1:nx], 1.0 / m.ex[nx - 1])
     dx_low = np.append(1.0 / m.dx[0], 1.0 / m.dx[: nx - 1])
     for j in prange(HALO, ny - HALO):

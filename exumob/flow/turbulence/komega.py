@@ -1,27 +1,29 @@
 """Kernels of the k-omega shear-stress-transport model (Menter, Kuntz & Langtry, Turb. Heat Mass Transf. 4 (2003) 625).
 
-A step takes three passes over the cells: `sources` (eddy viscosity, blending, production, cross-diffusion), `walls`
-(what the log law says of cells next to a wall) and `transport`. Active cells are at least half full and outside solids;
-in all others the fields hold the mean of active neighbours, which is what the free surface and walls see
-(zero gradient), or else the inflow.
+A step takes three passes over the cells: `sources` (eddy viscosity, blending, production, cross-diffusion),
+`apply_wall_law` (production and omega next to walls) and `transport`. Active cells are at least half full and outside
+solids; all others hold the mean of active neighbours, so that free surface and walls have zero gradient, or else the
+inflow.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
-from numpy.typing import NDArray
 
-from exumob.flow.active_rows import ActiveRows
+from exumob.flow.active_rows import ActiveRows, WaterCells
+from exumob.flow.area_fractions import AreaFractions, distance_gradient
 from exumob.flow.grid import HALO, Metrics
-from exumob.flow.turbulence.wall import KARMAN, friction_velocity
+from exumob.flow.poses import PlacedSolids, surface_velocity
+from exumob.flow.turbulence.wall import KARMAN, Walls, friction_velocity
 from exumob.support.arrays import Array
 
 A1, BETA_STAR = 0.31, 0.09
 SIGMA_K, SIGMA_OMEGA, BETA, ALPHA = (0.85, 1.0), (0.5, 0.856), (0.075, 0.0828), (5.0 / 9.0, 0.44)
-"""Of the k-omega model (F1 = 1) and of the k-epsilon model (F1 = 0)."""
+"""Constants of the k-omega model (F1 = 1) and of the k-epsilon model (F1 = 0)."""
 PRODUCTION_LIMIT = 10.0
 """Largest production over destruction of k [-]."""
 LEAST_K, LEAST_OMEGA = 1.0e-10, 1.0e-3
@@ -32,6 +34,52 @@ LEAST_DISTANCE, REACH = 1.0e-5, 1.01
 """Active cells are farther from solids [m]; the log law reaches this far [cells]. Off 0 and 1, where many cells lie."""
 INACTIVE, AT_WALL = -1.0, 2.0
 """Marks in the blending field (else F1, 0 to 1): cell without turbulence; cell whose omega the wall sets."""
+
+
+class ModelFields(NamedTuple):
+    """The fields of the model, shape (ny, nz, nx)."""
+
+    old_k: Array
+    old_omega: Array
+    """k [m^2/s^2] and omega [1/s] at the begin of the step"""
+    new_k: Array
+    new_omega: Array
+    """At first the production of k [m^2/s^3] and the source of omega [1/s^2], then the fields at the end of the step"""
+    blend: Array
+    """F1 [-], `INACTIVE` or `AT_WALL`"""
+    viscosity: Array
+    """Kinematic, molecular part included [m^2/s]"""
+
+
+class Medium(NamedTuple):
+    """Flow, viscosity and omega that carry, spread and destroy k and omega during a step."""
+
+    relative: tuple[Array, Array, Array]
+    """Velocity relative to the grid on full faces [m/s]"""
+    area_fractions: AreaFractions
+    omega: Array
+    """At the begin of the step [1/s]: beta omega is the rate of destruction"""
+    blend: Array
+    viscosity: Array
+    """The fields of `ModelFields`"""
+    molecular: float
+    """Molecular viscosity [m^2/s]"""
+    rows: ActiveRows
+
+
+class ScalarEquation(NamedTuple):
+    """Constants of the equation of k or of omega."""
+
+    sigma: tuple[float, float]
+    """Diffusion in the k-omega and the k-epsilon model [-]"""
+    beta: tuple[float, float]
+    """Destruction [-]"""
+    at_wall: bool
+    """The source is the value itself where the blending is `AT_WALL`"""
+    inflow: float
+    """Value in undisturbed water, taken where no water is near"""
+    least: float
+    """Floor of the value"""
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -45,19 +93,19 @@ def step_up(x: float) -> float:
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def fill_sides(q: Array, inflow: float, flow: tuple[Array, Array, Array]) -> None:
+def fill_sides(q: Array, inflow: float, relative: tuple[Array, Array, Array]) -> None:
     """Set the halo of k or omega: the inflow where water enters the window, else what is inside (also at the bed)."""
     ny, nz, nx = q.shape
     east, north = nx - HALO, ny - HALO
     for k in prange(HALO, nz):
         for j in range(ny):
-            low = inflow if flow[0][j, k, HALO] > 0.0 else q[j, k, HALO]
-            high = inflow if flow[0][j, k, east] < 0.0 else q[j, k, east - 1]
+            low = inflow if relative[0][j, k, HALO] > 0.0 else q[j, k, HALO]
+            high = inflow if relative[0][j, k, east] < 0.0 else q[j, k, east - 1]
             for n in range(HALO):
                 q[j, k, n], q[j, k, east + n] = low, high
         for i in range(nx):
-            low = inflow if flow[1][HALO, k, i] > 0.0 else q[HALO, k, i]
-            high = inflow if flow[1][north, k, i] < 0.0 else q[north - 1, k, i]
+            low = inflow if relative[1][HALO, k, i] > 0.0 else q[HALO, k, i]
+            high = inflow if relative[1][north, k, i] < 0.0 else q[north - 1, k, i]
             for n in range(HALO):
                 q[n, k, i], q[north + n, k, i] = low, high
     for n in range(HALO):
@@ -66,33 +114,36 @@ def fill_sides(q: Array, inflow: float, flow: tuple[Array, Array, Array]) -> Non
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def sources(
-    viscosity: Array, old_k: Array, old_omega: Array, new_k: Array, new_omega: Array, blend: Array, u: Array, v: Array,
-    w: Array, wet: NDArray[np.uint8], distance: Array, bed_is_wall: bool, spans: ActiveRows, dt: float,
+    fields: ModelFields, velocity: tuple[Array, Array, Array], cells: WaterCells, walls: Walls, dt: float,
     molecular: float, metrics: Metrics,
 ) -> None:  # fmt: skip
     """Eddy viscosity, blending function F1, production of k and source of omega of every cell.
 
+    The height above the bed is a wall distance too where the bed exerts friction.
+
     Parameters
     ----------
-    viscosity : array, changed
-        Kinematic, molecular part included [m^2/s].
-    old_k, old_omega : array
-        k [m^2/s^2] and omega [1/s] at the begin of the step.
-    new_k, new_omega : array, changed
-        Production of k [m^2/s^3] and production plus cross-diffusion of omega [1/s^2].
-    blend : array, changed
-        F1 [-], or `INACTIVE`.
-    distance : array
-        Signed distance to the nearest solid [m].
-    bed_is_wall : bool
-        Whether the height above the bed is a wall distance too.
+    fields : ModelFields
+        `viscosity`, `blend`, `new_k` and `new_omega` (the sources) are changed.
+    velocity : three arrays
+        At the begin of the step [m/s].
+    cells : WaterCells
+    walls : Walls
+    dt : float
+        [s]
+    molecular : float
+        Molecular viscosity [m^2/s].
+    metrics : Metrics
     """
+    u, v, w = velocity
+    bed_is_wall, blend = walls.bed_roughness >= 0.0, fields.blend
     ny, nz, nx = u.shape
     one, sy, sz = np.uintp(1), np.uintp(nz * nx), np.uintp(nx)
-    uf, vf, wf, kf, of = u.ravel(), v.ravel(), w.ravel(), old_k.ravel(), old_omega.ravel()
-    nu, source_k, source_o, f1 = viscosity.ravel(), new_k.ravel(), new_omega.ravel(), blend.ravel()
-    is_wet, d = wet.ravel(), distance.ravel()
-    lo, hi = spans
+    uf, vf, wf, kf, of = u.ravel(), v.ravel(), w.ravel(), fields.old_k.ravel(), fields.old_omega.ravel()
+    nu, f1 = fields.viscosity.ravel(), blend.ravel()
+    source_k, source_o = fields.new_k.ravel(), fields.new_omega.ravel()
+    is_wet, d = cells.wet.ravel(), walls.distance.ravel()
+    lo, hi = cells.near
     for j in prange(HALO, ny - HALO):
         dy, two_y = metrics.dy[j], metrics.ey[j] + metrics.ey[j + 1]
         for k in range(HALO, nz - HALO):
@@ -140,10 +191,9 @@ def sources(
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def walls(
-    old_k: Array, new_k: Array, new_omega: Array, blend: Array, u: Array, v: Array, w: Array, distance: Array,
-    nearest: NDArray[np.int8], position: Array, velocity: Array, angular_velocity: Array, friction: Array,
-    bed_roughness: float, spans: ActiveRows, molecular: float, metrics: Metrics,
+def apply_wall_law(
+    fields: ModelFields, velocity: tuple[Array, Array, Array], cells: WaterCells, walls: Walls, solids: PlacedSolids,
+    molecular: float, metrics: Metrics,
 ) -> None:  # fmt: skip
     """Production and omega in cells next to a wall with friction, from the log law.
 
@@ -153,17 +203,23 @@ def walls(
 
     Parameters
     ----------
-    new_k, new_omega : array, changed
-        Production of k; omega itself, where `blend` is set to `AT_WALL`.
-    position, velocity, angular_velocity : array, shape (n, 3)
-        Of the solids' surfaces (spin included), grid axes.
-    friction : array, shape (n,)
-        Skin-friction coefficients [-]; 0: no wall.
-    bed_roughness : float
-        Equivalent sand roughness of the bed [m]; negative: the bed slips.
+    fields : ModelFields
+        Changed: `new_k` (production of k) and `new_omega` (omega itself) where `blend` is then `AT_WALL`.
+    velocity : three arrays
+        At the begin of the step [m/s].
+    cells : WaterCells
+    walls : Walls
+    solids : PlacedSolids
+        Those of `walls`: parallel loops take no record out of another.
+    molecular : float
+        Molecular viscosity [m^2/s].
+    metrics : Metrics
     """
+    u, v, w = velocity
+    old_k, new_k, new_omega, blend = fields.old_k, fields.new_k, fields.new_omega, fields.blend
+    distance, nearest, bed_roughness = walls.distance, walls.nearest, walls.bed_roughness
     ny, nz, nx = u.shape
-    lo, hi = spans
+    lo, hi = cells.active
     for j in prange(HALO, ny - HALO):
         for k in range(HALO, nz - HALO):
             for i in range(max(lo[j, k], HALO), min(hi[j, k], nx - HALO)):
@@ -172,7 +228,7 @@ def walls(
                 on_bed = k == HALO and bed_roughness >= 0.0
                 d, n = distance[j, k, i], nearest[j, k, i]
                 size = (metrics.dx[i] * metrics.dy[j] * metrics.dz[k]) ** (1.0 / 3.0) if d < 1.0 else 0.0
-                at_solid = d < REACH * size and n >= 0 and friction[n] > 0.0
+                at_solid = d < REACH * size and n >= 0 and solids.friction[n] > 0.0
                 if not (on_bed or at_solid):
                     continue
                 x = 0.5 * (u[j, k, i] + u[j, k, i + 1])
@@ -183,17 +239,15 @@ def walls(
                     shear = friction_velocity(math.sqrt(x * x + y * y), height, molecular, bed_roughness)
                 if at_solid and not (on_bed and height < d):
                     height = max(d, 0.5 * size)
-                    rx, ry = metrics.xc[i] - position[n, 0], metrics.yc[j] - position[n, 1]
-                    rz, o = metrics.zc[k] - position[n, 2], angular_velocity[n]
-                    x -= velocity[n, 0] + o[1] * rz - o[2] * ry
-                    y -= velocity[n, 1] + o[2] * rx - o[0] * rz
-                    z -= velocity[n, 2] + o[0] * ry - o[1] * rx
-                    gx = (distance[j, k, i + 1] - distance[j, k, i - 1]) / (metrics.ex[i] + metrics.ex[i + 1])
-                    gy = (distance[j + 1, k, i] - distance[j - 1, k, i]) / (metrics.ey[j] + metrics.ey[j + 1])
-                    gz = (distance[j, k + 1, i] - distance[j, k - 1, i]) / (metrics.ez[k] + metrics.ez[k + 1])
+                    sx, sy, sz = surface_velocity(
+                        solids, n, metrics.xc[i] - solids.position[n, 0], metrics.yc[j] - solids.position[n, 1],
+                        metrics.zc[k] - solids.position[n, 2],
+                    )  # fmt: skip
+                    x, y, z = x - sx, y - sy, z - sz
+                    gx, gy, gz = distance_gradient(distance, j, k, i, metrics)
                     square = gx * gx + gy * gy + gz * gz
                     through = (x * gx + y * gy + z * gz) ** 2 / square if 1e-6 < square < 1e4 else 0.0
-                    shear = math.sqrt(0.5 * friction[n] * max(x * x + y * y + z * z - through, 0.0))
+                    shear = math.sqrt(0.5 * solids.friction[n] * max(x * x + y * y + z * z - through, 0.0))
                 new_k[j, k, i] = shear**3 / (KARMAN * height)
                 viscous = 6.0 * molecular / (BETA[0] * height * height)
                 log = math.sqrt(old_k[j, k, i]) / (BETA_STAR**0.25 * KARMAN * height)
@@ -222,46 +276,44 @@ def _mixed(mark: float, first: float, second: float) -> float:
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _into(
-    q: Array, nu: Array, f1: Array, beta: float, p: int, s: int, own: float, first: float, second: float, scale: float,
-    molecular: float,
+    q: Array, around: tuple[Array, Array, float], beta: float, p: int, s: int, own: float, sigma: tuple[float, float],
+    scale: float,
 ) -> float:  # fmt: skip
-    """Rate at which q diffuses into cell p, of diffusivity `own`, from its neighbour s."""
-    other = molecular + (nu[s] - molecular) * _mixed(f1[s], first, second)
+    """Rate at which q diffuses into cell p, of diffusivity `own`, from its neighbour s.
+
+    `around`: viscosity, F1 and molecular viscosity; `beta`: area fraction of the face between the two cells; `scale`:
+    width of the cell times the distance of the centres [m^2].
+    """
+    nu, f1, molecular = around
+    other = molecular + (nu[s] - molecular) * _mixed(f1[s], sigma[0], sigma[1])
     return (beta if f1[s] >= 0.0 else 0.0) * 0.5 * (own + other) * (q[s] - q[p]) / scale
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def transport(
-    old: Array, new: Array, omega: Array, blend: Array, viscosity: Array, flow: tuple[Array, Array, Array],
-    faces: tuple[Array, Array, Array], sigma: tuple[float, float], beta: tuple[float, float], at_wall: bool,
-    inflow: float, least: float, spans: ActiveRows, dt: float, molecular: float, metrics: Metrics,
-) -> None:  # fmt: skip
+def transport(old: Array, new: Array, medium: Medium, equation: ScalarEquation, dt: float, metrics: Metrics) -> None:
     """Advance k or omega: advection (MUSCL) and diffusion explicit, destruction implicit, so that it stays positive.
 
     Parameters
     ----------
+    old : array
+        The field at the begin of the step.
     new : array, changed
         Source at the begin, the field at the end.
-    omega : array
-        omega at the begin of the step [1/s]: beta omega is the rate of destruction.
-    flow : three arrays
-        Velocity relative to the grid on full faces [m/s].
-    faces : three arrays
-        AreaFractions of the faces [-].
-    sigma, beta : tuple of float
-        Diffusion and destruction in the k-omega and the k-epsilon model [-].
-    at_wall : bool
-        Whether the source is the value itself where the blending is `AT_WALL`.
-    inflow, least : float
-        Where no water is near, and floor.
+    medium : Medium
+    equation : ScalarEquation
+    dt : float
+        [s]
+    metrics : Metrics
     """
     ny, nz, nx = old.shape
     one, sy, sz = np.uintp(1), np.uintp(nz * nx), np.uintp(nx)
-    fx, fy, fz = flow[0].ravel(), flow[1].ravel(), flow[2].ravel()
-    bx, by, bz = faces[0].ravel(), faces[1].ravel(), faces[2].ravel()
-    q, out, rates, f1, nu = old.ravel(), new.ravel(), omega.ravel(), blend.ravel(), viscosity.ravel()
-    (s1, s2), (b1, b2), nu0 = sigma, beta, molecular
-    lo, hi = spans
+    fx, fy, fz = medium.relative[0].ravel(), medium.relative[1].ravel(), medium.relative[2].ravel()
+    bx, by, bz = medium.area_fractions.bx.ravel(), medium.area_fractions.by.ravel(), medium.area_fractions.bz.ravel()
+    q, out, rates = old.ravel(), new.ravel(), medium.omega.ravel()
+    f1, nu, nu0 = medium.blend.ravel(), medium.viscosity.ravel(), medium.molecular
+    around = (nu, f1, nu0)
+    sigma, (b1, b2), at_wall, inflow, least = equation
+    lo, hi = medium.rows
     for j in prange(HALO, ny - HALO):
         dy, ey0, ey1 = metrics.dy[j], metrics.ey[j], metrics.ey[j + 1]
         for k in range(HALO, nz - HALO):
@@ -292,13 +344,13 @@ def transport(
                 low, high = fz[p], fz[p + sz]
                 change += low * (_face(q, p, sz, low, abs(low) * dt / dz) - here) / dz
                 change -= high * (_face(q, p + sz, sz, high, abs(high) * dt / dz) - here) / dz
-                own = nu0 + (nu[p] - nu0) * _mixed(mark, s1, s2)
-                change += _into(q, nu, f1, bx[p], p, p - one, own, s1, s2, dx * ex0, nu0)
-                change += _into(q, nu, f1, bx[p + one], p, p + one, own, s1, s2, dx * ex1, nu0)
-                across += _into(q, nu, f1, by[p], p, p - sy, own, s1, s2, dy * ey0, nu0)
-                across += _into(q, nu, f1, by[p + sy], p, p + sy, own, s1, s2, dy * ey1, nu0)
-                change += _into(q, nu, f1, bz[p], p, p - sz, own, s1, s2, dz * ez0, nu0)
-                change += _into(q, nu, f1, bz[p + sz], p, p + sz, own, s1, s2, dz * ez1, nu0)
+                own = nu0 + (nu[p] - nu0) * _mixed(mark, sigma[0], sigma[1])
+                change += _into(q, around, bx[p], p, p - one, own, sigma, dx * ex0)
+                change += _into(q, around, bx[p + one], p, p + one, own, sigma, dx * ex1)
+                across += _into(q, around, by[p], p, p - sy, own, sigma, dy * ey0)
+                across += _into(q, around, by[p + sy], p, p + sy, own, sigma, dy * ey1)
+                change += _into(q, around, bz[p], p, p - sz, own, sigma, dz * ez0)
+                change += _into(q, around, bz[p + sz], p, p + sz, own, sigma, dz * ez1)
                 source = out[p]
                 value = max(here + dt * (change + across + max(source, 0.0)), least)
                 value /= 1.0 + dt * (_mixed(mark, b1, b2) * rates[p] + max(-source, 0.0) / here)

@@ -3,18 +3,36 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from exumob.flow.active_rows import WaterCells
+from exumob.flow.area_fractions import AreaFractions
 from exumob.flow.grid import HALO, Metrics
+from exumob.flow.poses import PlacedSolids
 from exumob.support.arrays import Array
 
 KARMAN = 0.41
 """Von Karman's constant [-]."""
 SMOOTH_WALL = 9.8
 """E of the smooth log law U+ = ln(E y+) / KARMAN [-]."""
+
+
+class Walls(NamedTuple):
+    """The walls that bound the water during a step."""
+
+    area_fractions: AreaFractions
+    """What bed and solids leave open"""
+    distance: Array
+    """Signed distance of the cells' centres to the nearest solid, a given bed left out [m]"""
+    nearest: NDArray[np.int8]
+    """Its number, -1 if none is near"""
+    solids: PlacedSolids
+    bed_roughness: float
+    """Equivalent sand roughness of the bed [m]; negative: the bed slips"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -45,32 +63,35 @@ def friction_velocity(speed: float, distance: float, viscosity: float, roughness
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def bed_shear(
-    out: tuple[Array, Array, Array], u: Array, v: Array, fraction: Array, wet: NDArray[np.uint8],
-    open_faces: tuple[Array, Array], roughness: float, viscosity: float, dt: float, metrics: Metrics,
+    out: tuple[Array, Array, Array], velocity: tuple[Array, Array, Array], cells: WaterCells,
+    area_fractions: AreaFractions, roughness: float, viscosity: float, dt: float, metrics: Metrics,
 ) -> None:  # fmt: skip
-    """Slow the lowest layer down by the log-law shear of the bed, which is at rest in the world: u absolute.
+    """Slow the lowest layer down by the log-law shear of the bed, which is at rest in the world: velocities absolute.
 
-    Implicit in the speed, so that it never turns the flow round.
+    Implicit in the speed, so that it never reverses the flow.
 
     Parameters
     ----------
     out : three arrays, changed
         Velocity [m/s].
-    u, v : array
-        Velocity from which the shear is taken [m/s].
-    fraction, wet : array
-        Water per cell [-] and cells at least half full.
-    open_faces : two arrays
-        AreaFractions of the x and y faces [-].
+    velocity : three arrays
+        From which the shear is taken [m/s].
+    cells : WaterCells
+    area_fractions : AreaFractions
     roughness : float
         Equivalent sand roughness of the bed [m].
     viscosity : float
         Kinematic, molecular [m^2/s].
+    dt : float
+        [s]
+    metrics : Metrics
     """
+    u, v, fraction, wet = velocity[0], velocity[1], cells.fraction, cells.wet
+    out_x, out_y = out[0], out[1]
     ny, _, nx = u.shape
     k = HALO
     height = 0.5 * metrics.dz[k]
-    bx, by = open_faces
+    bx, by = area_fractions.bx, area_fractions.by
     for j in prange(HALO, ny - HALO + 1):
         for i in range(HALO, nx - HALO + 1):
             if bx[j, k, i] > 0.0 and (wet[j, k, i] or wet[j, k, i - 1]):
@@ -79,11 +100,11 @@ def bed_shear(
                 if speed > 1e-9:
                     depth = metrics.dz[k] * max(0.5 * (fraction[j, k, i] + fraction[j, k, i - 1]), 0.5)
                     rate = friction_velocity(speed, height, viscosity, roughness) ** 2 / (speed * depth)
-                    out[0][j, k, i] /= 1.0 + dt * rate
+                    out_x[j, k, i] /= 1.0 + dt * rate
             if by[j, k, i] > 0.0 and (wet[j, k, i] or wet[j - 1, k, i]):
                 across = 0.25 * ((u[j, k, i] + u[j - 1, k, i + 1]) + (u[j, k, i + 1] + u[j - 1, k, i]))
                 speed = math.sqrt(v[j, k, i] ** 2 + across**2)
                 if speed > 1e-9:
                     depth = metrics.dz[k] * max(0.5 * (fraction[j, k, i] + fraction[j - 1, k, i]), 0.5)
                     rate = friction_velocity(speed, height, viscosity, roughness) ** 2 / (speed * depth)
-                    out[1][j, k, i] /= 1.0 + dt * rate
+                    out_y[j, k, i] /= 1.0 + dt * rate
