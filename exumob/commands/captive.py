@@ -115,7 +115,8 @@ def captive_command(
 
 
 def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
-    from exumob.flow.output.pictures import animate_surface, plot_captive
+    from exumob.flow.output.pictures import animate_surface
+    from exumob.towing_tank.plots import plot_captive
 
     if result.sizes["time"] > 1:
         _print_loads(result)
@@ -123,7 +124,7 @@ def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
 
 
 def _print_loads(result: xr.Dataset) -> None:
-    from exumob.towing_tank.run import captive_summary
+    from exumob.towing_tank.record import captive_summary
 
     loads = captive_summary(result)
     table = Table(

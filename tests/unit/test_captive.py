@@ -10,12 +10,14 @@ from scipy.spatial.transform import Rotation
 
 from exumob.driving.maneuver import lane_change
 from exumob.flow import FlowSettings, FlowSolver, Grid, KOmegaSST, Tread
+from exumob.flow.resolution import check_resolution
+from exumob.flow.vehicle_window import vehicle_window
 from exumob.simulation.results import load_dataset, save_dataset
 from exumob.support.errors import SimulationError, SimulationInterrupted
 from exumob.support.smoothing import smoothed, window_samples
-from exumob.towing_tank.checks import check_resolution
 from exumob.towing_tank.motion import CaptiveMotion
-from exumob.towing_tank.run import VARIABLES, captive_grid, captive_run, captive_summary
+from exumob.towing_tank.record import VARIABLES, captive_summary
+from exumob.towing_tank.run import captive_run
 from exumob.vehicle.motion import BODIES
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
@@ -422,7 +424,7 @@ def test_forced_heave_is_resisted_by_more_than_buoyancy_and_takes_energy():
 
 def test_default_window_grows_with_the_vehicle():
     truck = light_4x4()
-    grid = captive_grid(truck, 0.1, Water(0.5))
+    grid = vehicle_window(truck, 0.1, Water(0.5))
     assert grid.x_faces[-1] > 1.7 * truck.hull.length
     assert grid.z_faces[-1] >= 1.5
 

@@ -9,8 +9,8 @@ import math
 import numpy as np
 import pytest
 
-from exumob.towing_tank.checks import check_resolution
-from exumob.towing_tank.run import captive_grid, doubled_grid
+from exumob.flow.resolution import check_resolution
+from exumob.flow.vehicle_window import doubled_window, vehicle_window
 from exumob.verification import runs, squat, towing
 from exumob.water.conditions import Water
 
@@ -66,7 +66,7 @@ def test_window_and_step_comparisons_run():
     assert all(0.0 < check.value < 1e3 for check in apart)
     assert len(apart) == len(towing.LOADS)
     vehicle, water = towing.paper_vehicle(), Water(towing.DEPTH)
-    normal, wide = captive_grid(vehicle, 0.04, water), doubled_grid(vehicle, 0.04, water)
+    normal, wide = vehicle_window(vehicle, 0.04, water), doubled_window(vehicle, 0.04, water)
     for name in ("x_faces", "y_faces"):
         assert np.ptp(getattr(wide, name)) == pytest.approx(2.0 * np.ptp(getattr(normal, name)), rel=0.05)
     assert np.array_equal(wide.z_faces, normal.z_faces)
@@ -87,4 +87,4 @@ def test_slender_hull():
 def test_default_cells_are_fine_enough(measure):
     cell_size = inspect.signature(measure).parameters["cell_size"].default
     vehicle, water = towing.paper_vehicle(), Water(towing.DEPTH)
-    check_resolution(vehicle, captive_grid(vehicle, cell_size, water))
+    check_resolution(vehicle, vehicle_window(vehicle, cell_size, water))
