@@ -11,11 +11,12 @@ from exumob.flow.bed import lowest_bed
 from exumob.flow.grid import HALO
 from exumob.flow.vehicle_window import vehicle_window
 from exumob.ground.terrain import Terrain
+from exumob.support.rotations import about_z
 from exumob.towing_tank.motion import CaptiveMotion
 from exumob.towing_tank.run import captive_run
-from exumob.verification.bodies import one_pose
-from exumob.verification.frames import SETTINGS, heading, steady_motion
+from exumob.verification.frames import SETTINGS, steady_motion
 from exumob.verification.initial import TANK
+from exumob.verification.single_body import one_pose
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 
@@ -136,7 +137,7 @@ def test_lowest_bed_of_a_way():
     frames = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5 * math.pi]])
     low = lowest_bed(Terrain(slope_y=0.1), frames, np.array([-2.0, -1.0]), np.array([1.0, 1.0]))
     assert low == pytest.approx(-0.2)
-    assert np.allclose(heading(0.5 * math.pi) @ [-2.0, 0.0, 0.0], [0.0, -2.0, 0.0])
+    assert np.allclose(about_z(0.5 * math.pi) @ [-2.0, 0.0, 0.0], [0.0, -2.0, 0.0])
 
 
 def test_captive_run_over_a_bed():

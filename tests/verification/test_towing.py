@@ -11,7 +11,7 @@ import pytest
 
 from exumob.flow.resolution import check_resolution
 from exumob.flow.vehicle_window import doubled_window, vehicle_window
-from exumob.verification import runs, squat, towing
+from exumob.verification import load_convergence, runs, squat, towing, worst_case
 from exumob.water.conditions import Water
 
 QUICK = {"cell_size": 0.04, "duration": 0.12, "interval": 0.002, "allow_coarse": True}
@@ -43,29 +43,28 @@ def test_resistance_is_found_and_compared():
 
 
 def test_worst_case_grids_and_finished_runs(folder, monkeypatch):
-    checks = towing.worst_case(**QUICK)
+    checks = worst_case.worst_case(**QUICK)
     assert value_of(checks, "loads that are not numbers").passed
     assert all(math.isfinite(check.value) for check in checks)
-    quick = QUICK | {"cell_sizes": (0.044, 0.04, 0.048)}
-    del quick["cell_size"]
-    found = towing.load_convergence(**quick)
-    assert np.all(np.isfinite(found["mean_gci"])) and found.sizes["load"] == len(towing.LOADS)
-    assert len(towing.grid_convergence_case(**quick)) == 8 * len(towing.LOADS)
-    towing.plot_convergence(found)
+    quick = QUICK | {"ratios": (1.1, 1.0, 1.2)}
+    found = load_convergence.load_convergence(**quick)
+    assert np.all(np.isfinite(found["mean_gci"])) and found.sizes["load"] == len(worst_case.LOADS)
+    assert len(load_convergence.check_load_convergence(**quick)) == 8 * len(worst_case.LOADS)
+    load_convergence.figure(**quick)
 
     monkeypatch.setattr(runs, "_kept", {})  # as another process would find it
     monkeypatch.setattr(runs, "captive_run", None)
-    again = towing.load_convergence(**quick)
+    again = load_convergence.load_convergence(**quick)
     assert np.array_equal(again["mean"], found["mean"])
 
 
 def test_window_and_step_comparisons_run():
-    checks = towing.compared("itself", *[towing.worst_run(0.04, 0.12, 0.002, allow_coarse=True)] * 2, limit=0.0)
-    assert [check.error for check in checks if math.isfinite(check.limit)] == [0.0] * len(towing.LOADS)
+    checks = worst_case.compared("itself", *[worst_case.worst_run(0.04, 0.12, 0.002, allow_coarse=True)] * 2, limit=0.0)
+    assert [check.error for check in checks if math.isfinite(check.limit)] == [0.0] * len(worst_case.LOADS)
     apart = [check for check in checks if "standard error" in check.name]
     assert all(0.0 < check.value < 1e3 for check in apart)
-    assert len(apart) == len(towing.LOADS)
-    vehicle, water = towing.paper_vehicle(), Water(towing.DEPTH)
+    assert len(apart) == len(worst_case.LOADS)
+    vehicle, water = runs.paper_vehicle(), Water(runs.DEPTH)
     normal, wide = vehicle_window(vehicle, 0.04, water), doubled_window(vehicle, 0.04, water)
     for name in ("x_faces", "y_faces"):
         assert np.ptp(getattr(wide, name)) == pytest.approx(2.0 * np.ptp(getattr(normal, name)), rel=0.05)
@@ -83,8 +82,8 @@ def test_slender_hull():
     assert loads[2] < 0.0
 
 
-@pytest.mark.parametrize("measure", [towing.towed_held, towing.worst_case])
+@pytest.mark.parametrize("measure", [towing.towed_held, worst_case.worst_case])
 def test_default_cells_are_fine_enough(measure):
     cell_size = inspect.signature(measure).parameters["cell_size"].default
-    vehicle, water = towing.paper_vehicle(), Water(towing.DEPTH)
+    vehicle, water = runs.paper_vehicle(), Water(runs.DEPTH)
     check_resolution(vehicle, vehicle_window(vehicle, cell_size, water))
