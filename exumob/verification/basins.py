@@ -1,7 +1,7 @@
-"""Does water in a closed basin rest, slosh and whirl as theory says, and what does the pressure cost?
+"""Does water in a closed basin rest, slosh and whirl as theory says?
 
 Still water, the first sloshing mode (Lamb, Hydrodynamics, 1932, art. 228), decaying Taylor-Green vortices, and the
-iterations of the pressure solver.
+iterations of the pressure solver, which must not grow with the number of cells.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Does a given bed steer water, waves and bodies as it must: still water, currents, slope, step, and bodies near it?
+"""Do water, waves and bodies behave over a given bed as theory says?
 
 Limits: speed in still water 1e-4 m/s, 1e-3 m/s where the bed emerges, volume 1e-5; a current along the contours 1e-5;
 periods 0.5 % over a level bed within a cell and 1 % over a slope; reflection from a step 3 % of the incident wave; dip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -97,6 +98,11 @@ class Case:
     minutes: float
     slow: bool = False
     figure: Callable[..., Figure] | None = None
+
+    @property
+    def question(self) -> str:
+        """The question that the case belongs to: the first line of the file that defines its run."""
+        return (sys.modules[self.run.__module__].__doc__ or "").split("\n")[0]
 
     @property
     def options(self) -> tuple[str, ...]:

@@ -1,4 +1,6 @@
-"""Do free bodies coupled to the flow by the schemes of `exumob.coupling.schemes` move as theory says, and stay stable?
+"""Do free bodies coupled to the flow move as theory says, and stay stable?
+
+They are coupled by the schemes of `exumob.coupling.schemes`.
 
 Limits, written down first: fall through air exact to 1e-9; first acceleration of a sphere in water 5 % (its added mass
 at five cells to the radius is met to 4 %); heave period of the floating box 2 % (as in `floating`); schemes that

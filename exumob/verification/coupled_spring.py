@@ -1,4 +1,4 @@
-"""With which order in the macro step do the coupling schemes converge?
+"""With which order do the coupling schemes converge as the macro step shrinks?
 
 A mass on a spring whose water is a single number, its added mass: the exact solution is known and nothing else errs.
 Limits, written down first: order 1.8 with loads held over a step and 2.6 with linear ones, at twice the mass of water.

@@ -1,4 +1,4 @@
-"""How far can the vehicle's loads be trusted, at 1 m/s against a current of 1 m/s in 0.12 m of water?
+"""How far can the vehicle's loads be trusted in its worst case, 1 m/s against a current of 1 m/s in 0.12 m of water?
 
 All cases are slow. Limits and expectations, from theory before anything was measured:
 
