@@ -32,8 +32,8 @@ def main() -> None:
             path = np.hypot(*np.diff(runs["fine"]["position"].sel(body="hull").values[:, :2], axis=0).T).sum()
             apart = float(np.hypot(*(ends["fast"] - ends["fine"])))
             print(
-                f"| {name} | {model} | {walls['fast']:.1f} s | {walls['fine']:.1f} s | {path:.2f} m | {1e3 * apart:.1f} mm | "
-                f"{100 * apart / path:.2f} % | {math.degrees(abs(yaws['fast'] - yaws['fine'])):.2f} deg |"
+                f"| {name} | {model} | {walls['fast']:.1f} s | {walls['fine']:.1f} s | {path:.2f} m "
+                f"| {1e3 * apart:.1f} mm | {100 * apart / path:.2f} % | {math.degrees(abs(yaws['fast'] - yaws['fine'])):.2f} deg |"
             )
 
 

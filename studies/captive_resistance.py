@@ -22,7 +22,8 @@ from matplotlib.figure import Figure
 
 from exumob.simulation.result_files import save_dataset
 from exumob.support.provenance import provenance
-from exumob.verification.towing import DEPTH, FROUDE_NUMBERS, resistance
+from exumob.verification.runs import DEPTH
+from exumob.verification.towing import FROUDE_NUMBERS, resistance
 
 FIGURES = Path(__file__).parent / "figures"
 

@@ -123,7 +123,8 @@ def captive_command(  # one argument an option of the command line
 
 
 def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
-    from exumob.flow.output.pictures import animate_surface, plot_captive
+    from exumob.flow.output.pictures import animate_surface
+    from exumob.towing_tank.plots import plot_captive
 
     if result.sizes["time"] > 1:
         _print_loads(result)
@@ -131,7 +132,7 @@ def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
 
 
 def _print_loads(result: xr.Dataset) -> None:
-    from exumob.towing_tank.run import captive_summary
+    from exumob.towing_tank.record import captive_summary
 
     loads = captive_summary(result)
     table = Table(

@@ -2,89 +2,95 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import math
+import itertools
+import logging
+import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich import box
-from rich.console import Console
+from rich.logging import RichHandler
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from exumob.commands.shared import check_targets, console, errors, fail
+
 if TYPE_CHECKING:
-    from exumob.verification import Case, Check
-
-console = Console()
-errors = Console(stderr=True)
-
-HEADINGS = ("case", "check", "value", "reference", "error", "limit", "unit", "result")
+    from exumob.verification.check import Case, Check
 
 
+# Many arguments: each is an option of the command line.
 def verify_command(
     names: Annotated[list[str] | None, typer.Argument(help="Cases to run, slow or not; all fast ones if none.")] = None,
     slow: Annotated[bool, typer.Option("--slow", help="Run the slow cases too.")] = False,
     list_only: Annotated[bool, typer.Option("--list", help="List the cases and their run times.")] = False,
     output: Annotated[Path | None, typer.Option(help="Write the table here (.md or .csv).")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw the case named here, if it has a figure (.png, .pdf, .svg).")
+    ] = None,
+    cell_size: Annotated[float | None, typer.Option(help="Cell size of the cases named [m].")] = None,
+    duration: Annotated[float | None, typer.Option(help="Simulated time of the cases named [s].")] = None,
+    interval: Annotated[float | None, typer.Option(help="Interval of the loads of the cases named [s].")] = None,
+    threads: Annotated[int | None, typer.Option(help="Threads of the flow solver in the cases named.")] = None,
+    coarse: Annotated[
+        bool, typer.Option("--coarse", help="Accept cells too coarse for the vehicle: a quick look.")
+    ] = False,
+    runs: Annotated[
+        Path | None,
+        typer.Option(envvar="EXUMOB_RUNS", help="Folder where finished runs of the vehicle are kept and found again."),
+    ] = None,
 ) -> None:
     """Verify the flow solver against exact, conserved and published quantities.
 
-    Exit code 1 if a limit is missed. Example: exumob verify sloshing still-water --output verification.md
+    Exit code 1 if a limit is missed. Limits were set for the default cell sizes and durations.
+
+    Example: exumob verify sloshing still-water --output verification.md
     """
     from exumob.support.errors import SimulationError
     from exumob.verification.cases import CASES
+    from exumob.verification.runs import FOLDER
+    from exumob.verification.tables import write_table
 
     if list_only:
-        console.print(case_table(CASES))
+        print_cases(CASES)
         return
+    given = {"cell_size": cell_size, "duration": duration, "interval": interval, "threads": threads}
+    options: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    options |= {"allow_coarse": True} if coarse else {}
     try:
         chosen = select(CASES, names or [], slow)
-        check_target(output)
+        check_options(chosen, bool(names), options, figure)
+        check_targets({"--output": output, "--figure": figure})
+        if output is not None and output.suffix not in (".md", ".csv"):
+            raise ValueError(f"--output {output}: the ending {output.suffix!r} is not known; use .md or .csv.")
     except ValueError as error:
-        errors.print(f"[red]{error}[/red]", highlight=False, soft_wrap=True)
-        raise typer.Exit(2) from None
+        fail(error)
+    if runs is not None:
+        os.environ[FOLDER] = str(runs)
 
     found: list[tuple[str, Check]] = []
     broken: list[str] = []
-    total = sum(case.minutes for case in chosen)
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[left]}"),
-        console=errors, transient=True,
-    ) as bar:  # fmt: skip
-        begin, done = time.monotonic(), 0.0
-        task = bar.add_task("", total=total, left=f"about {max(total, 0.1):.1f} min left")
-        for case in chosen:
-            bar.update(task, description=case.name)
-            try:
-                found += [(case.name, check) for check in case.run()]
-            except (SimulationError, ValueError) as error:
-                broken.append(f"{case.name}: {error}")
-            if output:  # a run cut short keeps what it found
-                write_table(found, output)
-            done += case.minutes
-            pace = (time.monotonic() - begin) / done  # [s] of wall time per minute foreseen
-            bar.update(task, completed=done, left=f"about {pace * (total - done) / 60.0:.1f} min left")
-    console.print(check_table(found))
-    for line in broken:
-        errors.print(f"[red]{line}[/red]", highlight=False, soft_wrap=True)
-    missed = sum(not check.passed for _, check in found)
-    limited = sum(math.isfinite(check.limit) for _, check in found)
-    console.print(
-        f"{limited - missed} of {limited} limits met, {len(found) - limited} numbers reported without one"
-        + (f", {len(broken)} cases stopped" if broken else ""),
-        highlight=False,
-    )
+    for case in with_progress(chosen):
+        try:
+            found += [(case.name, check) for check in case.run(**options)]
+        except (SimulationError, ValueError) as error:
+            broken.append(f"{case.name}: {error}")
+        if output:  # a run cut short keeps what it found
+            write_table(found, output)
+    report(found, broken)
     if output:
         console.print(f"table     {output}", highlight=False)
-    raise typer.Exit(1 if missed or broken else 0)
+    if figure and not broken:
+        draw(chosen, options, figure)
+    raise typer.Exit(1 if broken or not all(check.passed for _, check in found) else 0)
 
 
 def select(cases: Sequence[Case], names: Sequence[str], slow: bool) -> list[Case]:
-    """Cases of these names, or all; the slow ones only by name or if `slow`.
+    """Return the cases of these names, or all; the slow ones only by name or if `slow`.
 
     Raises
     ------
@@ -100,41 +106,89 @@ def select(cases: Sequence[Case], names: Sequence[str], slow: bool) -> list[Case
     return [case for case in cases if slow or not case.slow]
 
 
-def check_target(output: Path | None) -> None:
-    """Find out before the run that the table cannot be written.
+def check_options(chosen: Sequence[Case], named: bool, options: dict[str, Any], figure: Path | None) -> None:
+    """Refuse options before the run that the chosen cases do not have.
 
     Raises
     ------
     ValueError
-        If the ending is neither .md nor .csv or the folder does not exist.
+        If no case is named, if one lacks an option, or if not exactly one of them has a figure where one is asked for.
     """
-    if output is None:
-        return
-    if output.suffix not in (".md", ".csv"):
-        raise ValueError(f"--output {output}: the ending {output.suffix!r} is not known; use .md or .csv.")
-    if not output.parent.is_dir():
-        raise ValueError(f"--output {output}: the folder {output.parent} does not exist; create it first.")
-    if output.is_dir():
-        raise ValueError(f"--output {output}: this is a folder; give a file name.")
+    if options and not named:
+        raise ValueError(f"{', '.join(options)}: name the cases that this is for (exumob verify --list).")
+    for case in chosen:
+        case.require_options(options)
+    drawn = [case.name for case in chosen if case.figure is not None]
+    if figure is not None and len(drawn) != 1:
+        raise ValueError(f"--figure {figure}: {len(drawn)} of the cases have a figure; name one, as grid-convergence.")
 
 
-def case_table(cases: Sequence[Case]) -> Table:
-    """Names, run times and subjects."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("case", no_wrap=True)
-    table.add_column("minutes", justify="right")
-    table.add_column("slow")
-    table.add_column("about")
-    for case in cases:
-        table.add_row(case.name, f"{case.minutes:g}", "slow" if case.slow else "", case.about)
-    return table
+def with_progress(chosen: Sequence[Case]) -> Iterator[Case]:
+    """Yield the cases under a bar with the time left; what long runs log is shown above it."""
+    total = sum(case.minutes for case in chosen)
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[left]}"),
+        console=errors, transient=True,
+    ) as bar, logged_to_terminal():  # fmt: skip
+        begin, done = time.monotonic(), 0.0
+        task = bar.add_task("", total=total, left=f"about {max(total, 0.1):.1f} min left")
+        for case in chosen:
+            bar.update(task, description=case.name)
+            yield case
+            done += case.minutes
+            pace = (time.monotonic() - begin) / done  # [s] of wall time per minute foreseen
+            bar.update(task, completed=done, left=f"about {pace * (total - done) / 60.0:.1f} min left")
+
+
+@contextmanager
+def logged_to_terminal() -> Iterator[None]:
+    """Show how far the runs of the vehicle have got."""
+    logger, handler = logging.getLogger("exumob.verification"), RichHandler(console=errors, show_path=False)
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
+
+
+def print_cases(cases: Sequence[Case]) -> None:
+    """Print questions, and under each the names, run times and subjects of its cases."""
+    width = max(len(case.name) for case in cases)
+    for question, group in itertools.groupby(cases, key=lambda case: case.question):
+        console.print(f"\n[bold]{question}[/bold]", highlight=False)
+        table = Table.grid(padding=(0, 2, 0, 0))
+        for column in ({"width": width}, {"width": 6, "justify": "right"}, {"width": 4}, {}):
+            table.add_column(**column)
+        for case in group:
+            took = f"{case.minutes:.0f} min" if case.minutes >= 1.0 else f"{60.0 * case.minutes:.0f} s"
+            table.add_row(case.name, took, "slow" if case.slow else "", case.about)
+        console.print(table)
+    console.print("\nTimes are for one core. Slow cases run with --slow, or by name.", highlight=False)
+
+
+def report(found: Sequence[tuple[str, Check]], broken: Sequence[str]) -> None:
+    """Print the table of checks, cases that stopped, and how many limits are met."""
+    console.print(check_table(found))
+    for line in broken:
+        errors.print(f"[red]{line}[/red]", highlight=False, soft_wrap=True)
+    limited = [check for _, check in found if check.limited]
+    plain = [check for _, check in found if not check.limited]
+    words = f"{sum(c.passed for c in limited)} of {len(limited)} limits met, {len(plain)} numbers reported without one"
+    if lost := sum(not check.passed for check in plain):
+        words += f" ({lost} of them not a number)"
+    console.print(words + (f", {len(broken)} cases stopped" if broken else ""), highlight=False)
 
 
 def check_table(found: Sequence[tuple[str, Check]]) -> Table:
-    """Table of the terminal, one row a check, under the name of its case."""
+    """Return the table for the terminal, one row a check, under the name of its case."""
+    from exumob.verification.tables import COLUMNS, row
+
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("check", overflow="fold")
-    for heading in HEADINGS[2:6]:
+    for heading in COLUMNS[2:6]:
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("result", no_wrap=True)
     before = ""
@@ -149,31 +203,10 @@ def check_table(found: Sequence[tuple[str, Check]]) -> Table:
     return table
 
 
-def row(case: str, check: Check) -> tuple[str, ...]:
-    """A check as text, in the order of `HEADINGS`."""
-    limited = math.isfinite(check.limit)
-    result = ("pass" if check.passed else "MISS") if limited else "reported"
-    numbers = (check.value, check.reference, check.error, check.limit)
-    return case, check.name, *(f"{n:.4g}" if math.isfinite(n) else "" for n in numbers), check.unit, result
+def draw(chosen: Sequence[Case], options: dict[str, Any], file: Path) -> None:
+    """Draw the one case that has a figure, from the runs that it has made."""
+    from exumob.support.figures import save_figure
 
-
-def write_table(found: Sequence[tuple[str, Check]], output: Path) -> None:
-    """Write the table as the file's ending says."""
-    output.write_text(as_csv(found) if output.suffix == ".csv" else as_markdown(found), encoding="utf-8")
-
-
-def as_markdown(found: Sequence[tuple[str, Check]]) -> str:
-    """The table in Markdown."""
-    lines = [HEADINGS, ("---", "---", "---:", "---:", "---:", "---:", "---", "---"), *(row(*each) for each in found)]
-    return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
-
-
-def as_csv(found: Sequence[tuple[str, Check]]) -> str:
-    """The table as comma-separated values with all digits."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(HEADINGS)
-    for case, check in found:
-        numbers = (check.value, check.reference, check.error, check.limit)
-        writer.writerow((case, check.name, *map(repr, numbers), check.unit, row(case, check)[-1]))
-    return text.getvalue()
+    for case in chosen:
+        if case.figure is not None:
+            console.print(f"figure    {save_figure(case.figure(**options), file)}", highlight=False)

@@ -15,12 +15,12 @@ import xarray as xr
 from exumob.flow.grid import Grid
 from exumob.flow.output.snapshots import Snapshot, snapshots_dataset
 from exumob.flow.poses import Poses
+from exumob.flow.resolution import checked_solids
 from exumob.flow.settings import FlowSettings
 from exumob.flow.solver import FlowSolver
+from exumob.flow.vehicle_window import vehicle_window
 from exumob.support.arrays import Array
 from exumob.support.checks import require_positive
-from exumob.towing_tank.checks import checked_solids
-from exumob.towing_tank.run import captive_grid
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 
@@ -121,7 +121,7 @@ class BuiltInFlow:
     cell_size : float
         Cell size of the grid round the vehicle [m].
     grid : Grid, optional
-        Default: `exumob.towing_tank.run.captive_grid`, the window of captive runs.
+        Default: `exumob.flow.vehicle_window.vehicle_window`, the window of captive runs.
     settings : FlowSettings, optional
         `follow` must be 0: the window follows the hull.
     allow_coarse : bool
@@ -157,7 +157,7 @@ class BuiltInFlow:
             If the cells cannot resolve a gap or a wheel at any angle that the front wheels can take.
         """
         if self._built != (vehicle, water):
-            grid = captive_grid(vehicle, self.cell_size, water) if self.grid is None else self.grid
+            grid = vehicle_window(vehicle, self.cell_size, water) if self.grid is None else self.grid
             limit = vehicle.steering.limit
             angles = [m[0] for command in (-limit, limit) for m in vehicle.steering_angles((command, 0.0, 0.0))]
             solids = checked_solids(vehicle, grid, (min(angles), max(angles)), self.allow_coarse)

@@ -21,11 +21,11 @@ import xarray as xr
 from exumob.coupling.flow_code import BuiltInFlow
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
 from exumob.flow import FlowSettings
+from exumob.flow.vehicle_window import doubled_window, vehicle_window
 from exumob.ground.soil import Soil
 from exumob.paper.scenarios import Scenario
 from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.simulation.run import simulate
-from exumob.towing_tank.run import captive_grid, doubled_grid
 from exumob.vehicle.parameters import Vehicle
 
 logger = logging.getLogger(__name__)
@@ -99,7 +99,7 @@ class FlowRun:
                 )
 
         water = self.scenario.water(vehicle)
-        grid = (doubled_grid if self.doubled else captive_grid)(vehicle, self.cell_size, water)
+        grid = (doubled_window if self.doubled else vehicle_window)(vehicle, self.cell_size, water)
         flow = BuiltInFlow(
             self.cell_size, grid=grid, settings=FlowSettings(threads=1), allow_coarse=True, snapshots=SNAPSHOT_INTERVAL
         )  # fmt: skip

@@ -3,8 +3,8 @@
 ``captive_run(vehicle, water, CaptiveMotion(speed=1.0))`` returns the loads of the water on its five bodies.
 """
 
-from exumob.towing_tank.checks import check_resolution
 from exumob.towing_tank.motion import CaptiveMotion, PrescribedMotion
-from exumob.towing_tank.run import captive_run, captive_summary
+from exumob.towing_tank.record import captive_summary
+from exumob.towing_tank.run import captive_run
 
-__all__ = ["CaptiveMotion", "PrescribedMotion", "captive_run", "captive_summary", "check_resolution"]
+__all__ = ["CaptiveMotion", "PrescribedMotion", "captive_run", "captive_summary"]

@@ -25,7 +25,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 
 
 class PrescribedMotion(Protocol):
-    """What `captive_run` needs to know of a motion: where the five bodies are, and how they move.
+    """A motion as `captive_run` needs it: where the five bodies are at any time, and how they move.
 
     Velocities must be the derivatives of positions and rotations (they are checked), and the vehicle should start with
     the speed of the current: the water around it is then undisturbed. An attribute ``parameters`` (a dict) or being a
@@ -54,36 +54,36 @@ class CaptiveMotion:
     """
 
     speed: float = 1.0
-    """Of the hull's centre of mass over ground [m/s]"""
+    """Speed of the hull's centre of mass over ground [m/s]"""
     drift_angle: float = 0.0
     """Course less heading [rad]; positive: the vehicle slips to its left, so that the water meets its left side"""
     yaw_rate: float = 0.0
-    """[rad/s]; positive turns left; the course turns with the heading, so the path becomes a circle"""
+    """Yaw rate [rad/s]; positive turns left; the course turns with the heading, so the path becomes a circle"""
     wheel_speed: float = 0.0
-    """Spin of the four wheels [rad/s], positive rolls forward"""
+    """Speed of the four wheels about their axles [rad/s], positive rolls forward"""
     steering: float = 0.0
     """Mean front-wheel angle [rad], positive to the left"""
     steering_amplitude: float = 0.0
-    """Of its oscillation about `steering` [rad]"""
+    """Amplitude of the oscillation about `steering` [rad]"""
     steering_frequency: float = 0.5
-    """[Hz]"""
+    """Frequency of that oscillation [Hz]"""
     sway_amplitude: float = 0.0
-    """Of the sideways motion, sin(2 pi frequency t) [m]"""
+    """Amplitude of the sideways motion, sin(2 pi frequency t) [m]"""
     yaw_amplitude: float = 0.0
-    """Of the heading, cos(2 pi frequency t) [rad]. The pure-yaw test, heading along the path, has
+    """Amplitude of the heading, cos(2 pi frequency t) [rad]. The pure-yaw test, heading along the path, has
     yaw_amplitude = 2 pi frequency sway_amplitude / speed (small angles)"""
     heave_amplitude: float = 0.0
-    """Of the hull over the standing wheels, sin(2 pi frequency t) [m]"""
+    """Amplitude of the hull's heave over the standing wheels, sin(2 pi frequency t) [m]"""
     pitch_amplitude: float = 0.0
-    """Of the hull about its centre of mass, sin(2 pi frequency t), bow down positive [rad]"""
+    """Amplitude of the hull's pitch about its centre of mass, sin(2 pi frequency t), bow down positive [rad]"""
     frequency: float = 0.5
-    """Of sway, yaw, heave and pitch [Hz]"""
+    """Frequency of sway, yaw, heave and pitch [Hz]"""
     heave: float = 0.0
     """Constant rise of the hull over ride height [m]"""
     pitch: float = 0.0
     """Constant trim of the hull, bow down positive [rad]"""
     ramp_time: float = 1.0
-    """From drifting with the current to the prescribed motion [s]"""
+    """Time from drifting with the current to the prescribed motion [s]"""
     driver: Maneuver | None = None
     """A maneuver that steers and spins the wheels instead of `steering` and `wheel_speed`"""
 

@@ -1,87 +1,36 @@
-"""Cases that the flow solver must meet: exact, conserved or published, each with a limit written down first.
+"""What must the flow solver meet? Exact, conserved and published quantities, each with a limit written down first.
 
-`exumob verify` runs them and prints value, reference, error and limit; the tests run the same cases.
+`exumob verify` runs the cases and prints value, reference, error and limit; the tests run the same cases. Each file
+asks one question in its first line, gives its sources and limits, and ends with its cases:
+
+==================  ====================================================================================
+file                subject
+==================  ====================================================================================
+`basins`            still water, sloshing, decaying vortices, iterations of the pressure solver
+`frames`            the same flow seen from grids that move and yaw
+`waves`             Stokes wave and solitary wave
+`far_field`         waves and water that the window's sides send back
+`beds`              a given bed: still water, currents, waves, bodies near it
+`hydrostatics`      lift of bodies at rest
+`added_mass`        accelerated spheres
+`momentum`          momentum of the water and impulses of its loads
+`moving_bodies`     plunging, noise of the loads, mirror symmetry
+`floating`          heave and draught of a floating box
+`coupled_spring`    order of the coupling schemes
+`coupled`           free bodies coupled to the flow
+`coupled_vehicle`   the vehicle with every coupling scheme
+`dam_breaks`        dam breaks against measurements
+`columns`           drag of columns in a current
+`squat`             a slender hull in shallow water
+`towing`            resistance of the vehicle, towed or held
+`worst_case`        the vehicle against the current: noise, window, step, models
+`load_convergence`  the same on three grids
+==================  ====================================================================================
+
+The rest is shared: `check` (checks and cases), `cases` (the list), `initial` (tanks), `single_body`, `free_body`,
+`measures`, `runs` (captive runs, kept), `uncertainty`.
 """
 
-from __future__ import annotations
+from exumob.verification.check import Case, Check, absolute, at_least, relative, reported
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-
-import numpy as np
-
-
-@dataclass(frozen=True)
-class Check:
-    """One number that a case compares.
-
-    Parameters
-    ----------
-    name : str
-        What was measured, with its setting: "sloshing period, level at 7.75 cells".
-    value, reference : float
-        Found and expected, in `unit`.
-    error : float
-        As the limit means it: relative, absolute, or a value that must stay small.
-    limit : float
-        Largest |error| allowed; infinite: reported only.
-    unit : str
-        Of value and reference.
-    """
-
-    name: str
-    value: float
-    reference: float
-    error: float
-    limit: float
-    unit: str = "-"
-
-    @property
-    def passed(self) -> bool:
-        """Whether the error is a number within the limit."""
-        return self.limit == float("inf") or bool(np.isfinite(self.error) and abs(self.error) <= self.limit)
-
-
-def relative(name: str, value: float, reference: float, limit: float, unit: str = "-") -> Check:
-    """Check of value / reference - 1."""
-    return Check(name, float(value), float(reference), float(value / reference - 1.0), limit, unit)
-
-
-def absolute(name: str, value: float, reference: float, limit: float, unit: str = "-") -> Check:
-    """Check of value - reference, in `unit`."""
-    return Check(name, float(value), float(reference), float(value - reference), limit, unit)
-
-
-def at_least(name: str, value: float, least: float, unit: str = "-") -> Check:
-    """Check that a value does not fall below a bound: the error is what is missing."""
-    return Check(name, float(value), float(least), float(max(least - value, 0.0)), 0.0, unit)
-
-
-def reported(name: str, value: float, reference: float = float("nan"), unit: str = "-") -> Check:
-    """A number without a limit."""
-    return Check(name, float(value), float(reference), float(value - reference), float("inf"), unit)
-
-
-@dataclass(frozen=True)
-class Case:
-    """A run, or a few, and what it must show.
-
-    Parameters
-    ----------
-    name : str
-        Short, for the command line: "sloshing".
-    about : str
-        One line: the physics and the source of the reference.
-    run : callable
-        Takes nothing, returns the checks.
-    minutes : float
-        Wall time on one core, roughly.
-    slow : bool
-        Left out unless asked for.
-    """
-
-    name: str
-    about: str
-    run: Callable[[], Sequence[Check]]
-    minutes: float
-    slow: bool = False
+__all__ = ["Case", "Check", "absolute", "at_least", "relative", "reported"]

@@ -1,4 +1,4 @@
-"""A given bed: still water over it, currents, waves over slope and step, and bodies near it.
+"""Do water, waves and bodies behave over a given bed as theory says?
 
 Limits: speed in still water 1e-4 m/s, 1e-3 m/s where the bed emerges, volume 1e-5; a current along the contours 1e-5;
 periods 0.5 % over a level bed within a cell and 1 % over a slope; reflection from a step 3 % of the incident wave; dip
@@ -8,7 +8,7 @@ of a current over a hump 5 %; Archimedes 1 % near a slope, 2 % sunk into it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -21,14 +21,16 @@ from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.support.rotations import about_z
-from exumob.verification import Case, Check, absolute, relative, reported
-from exumob.verification.bodies import one_pose
+from exumob.verification.check import Case, Check, absolute, relative, reported
 from exumob.verification.frames import SETTINGS, steady_motion
+from exumob.verification.hydrostatics import wheel_buoyancy
 from exumob.verification.initial import TANK, centers, filled_to
+from exumob.verification.measures import crossing_period
+from exumob.verification.single_body import one_pose
 from exumob.water.conditions import Water
 
 LEVEL = 0.107
-"""Of the still water [m]."""
+"""Height of the still water [m]."""
 
 
 def bumps() -> Terrain:
@@ -159,7 +161,7 @@ def hump_dip() -> list[Check]:
 
 
 def wave_number(omega: float, depth: Array) -> Array:
-    """Of linear waves, omega^2 = g k tanh(k depth) [1/m]."""
+    """Wave number of linear waves [1/m]: omega^2 = g k tanh(k depth)."""
     k = omega / np.sqrt(GRAVITY * depth)
     for _ in range(50):
         t = np.tanh(k * depth)
@@ -201,9 +203,7 @@ def seiche(bed: Callable[[Array], Array], level: float, length: float = 2.0) -> 
         modal.append(float(np.mean((solver.surface_height()[1] - level) * mode)))
         times.append(solver.time)
     a, t = np.array(modal), np.array(times)
-    i = np.nonzero(a[:-1] * a[1:] < 0.0)[0]
-    crossings = t[i] - a[i] * step / (a[i + 1] - a[i])
-    return 2.0 * float(np.mean(np.diff(crossings))), period, solver.water_volume() / volume - 1.0
+    return crossing_period(t, a, step), period, solver.water_volume() / volume - 1.0
 
 
 def seiches() -> list[Check]:
@@ -259,7 +259,7 @@ def lift_over(terrain: Terrain, lowest: float, height: float, yaw: float) -> tup
     """Lift of a box at rest over a bed, and that of the water it displaces [N]; `height` of its centre [m]."""
     length, width, tall, level = 0.5, 0.3, 0.1, 0.15
     grid = Grid.uniform((-0.5, -0.4, lowest), (0.5, 0.4, 0.3), 0.02)
-    solver = FlowSolver(grid, (box(length, width, tall),), Water(level), replace(TANK, closure=None), terrain)
+    solver = FlowSolver(grid, (box(length, width, tall),), Water(level), TANK, terrain)
     pose = one_pose((0.003, 0.002, height), (0.0, 0.0, 0.0), yaw)
     solver.start(pose)
     for n in range(5):
@@ -276,9 +276,7 @@ def sunk_lift(terrain: Terrain, lowest: float, sunk: float, x: float = 0.004) ->
     pose: Poses = one_pose((x, 0.002, z), (0.0, 0.0, 0.0))
     solver.start(pose)
     force = solver.advance(0.002, pose)[0, :3]
-    angle = math.acos((level - z) / radius)  # half angle of the part above the water
-    area = math.pi * radius**2 - radius**2 * (angle - math.sin(angle) * math.cos(angle))
-    return force, 1000.0 * GRAVITY * width * area
+    return force, wheel_buoyancy(radius, width, level - z)
 
 
 def bodies_near() -> list[Check]:
@@ -305,12 +303,16 @@ def bodies_near() -> list[Check]:
     return checks
 
 
-CASES: Sequence[Case] = (
-    Case("bed-still", "Still water over slope, bumps and shore stays still, also seen from a moving grid", still_water,
-         0.4),
+CASES: tuple[Case, ...] = (
+    Case(
+        "bed-still",
+        "Still water over slope, bumps and shore stays still, also seen from a moving grid",
+        still_water,
+        0.4,
+    ),
     Case("bed-current", "A uniform current along the contours of a slope stays uniform", current_along, 0.05),
     Case("bed-hump", "Dip of a subcritical current over a hump (Bernoulli, shallow water)", hump_dip, 0.3),
     Case("bed-seiche", "First mode of a basin over level beds and a slope (mild-slope equation)", seiches, 0.3),
     Case("bed-step", "A long wave reflected by a step (Lamb 1932, art. 176)", step_reflection, 0.1),
     Case("bed-bodies", "A box over a slope and wheels sunk into a given bed: Archimedes", bodies_near, 0.2),
-)  # fmt: skip
+)

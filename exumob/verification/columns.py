@@ -1,4 +1,4 @@
-"""Drag of surface-piercing columns held in a current, over a range of Froude number.
+"""What is the drag of columns that stand in a current, square and round, over a range of Froude number?
 
 References: drag coefficients on the wetted frontal area of the undisturbed depth, square column face on 2.0 (prisms in
 two-dimensional flow: Nakaguchi, Hashimoto & Muto, J. Japan Soc. Aeronaut. Space Sci. 16 (1968) 1, Re up to 6e4), round
@@ -23,21 +23,21 @@ import numpy as np
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box, cylinder
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
-from exumob.verification import Case, Check, absolute, relative, reported
+from exumob.verification.check import Case, Check, absolute, relative, reported
 from exumob.water.conditions import Water
 
 WIDTH, DEPTH = 0.1, 0.2
-"""Of the column, and of the water [m]."""
+"""Width of the column and depth of the water [m]."""
 FRICTION = 0.005
 """Skin friction of a smooth column [-]; it adds about 0.01 to the drag coefficient."""
 SPEEDS = (0.3, 0.5, 0.8)
-"""Of the current [m/s]: Froude numbers of the width 0.30, 0.50, 0.81, of the depth 0.21, 0.36, 0.57."""
+"""Speeds of the current [m/s]: Froude numbers of the width 0.30, 0.50, 0.81, of the depth 0.21, 0.36, 0.57."""
 DRAG = {"square": 2.0, "round": 1.2}
 
 
 @dataclass(frozen=True)
 class Column:
-    """A run."""
+    """Loads on a column and the head before it, over time."""
 
     time: Array
     """t U / D [-], shape (n,)"""
@@ -49,7 +49,7 @@ class Column:
     """Level plus velocity head just before the front, above the undisturbed level, over U^2 / (2 g) [-], shape (n,)"""
 
     def mean(self, values: Array) -> float:
-        """Over the second half."""
+        """Mean over the second half."""
         return float(values[len(values) // 2 :].mean())
 
 
@@ -61,11 +61,11 @@ def column(shape: str, speed: float, cells: float = 6.0, duration: float = 30.0)
     shape : str
         "square" (face on) or "round".
     speed : float
-        Of the current along x [m/s].
+        Speed of the current along x [m/s].
     cells : float
-        To the column's width [-].
+        Cells to the column's width [-].
     duration : float
-        t U / D [-].
+        End of the run, t U / D [-].
     """
     size = WIDTH / cells
     grid = Grid.stretched(
@@ -134,8 +134,18 @@ def check_column(shape: str, cells: float = 6.0, duration: float = 30.0) -> list
 
 
 CASES: tuple[Case, ...] = (
-    Case("square-column", "drag of a surface-piercing square column (ASCE 7-16, Hoerner 1965)",
-         lambda: check_column("square"), 4.0, slow=True),
-    Case("round-column", "drag of a surface-piercing round column (ASCE 7-16, Hoerner 1965)",
-         lambda: check_column("round"), 4.0, slow=True),
-)  # fmt: skip
+    Case(
+        "square-column",
+        "Drag of a surface-piercing square column (ASCE 7-16, Hoerner 1965)",
+        lambda: check_column("square"),
+        4.0,
+        slow=True,
+    ),
+    Case(
+        "round-column",
+        "Drag of a surface-piercing round column (ASCE 7-16, Hoerner 1965)",
+        lambda: check_column("round"),
+        4.0,
+        slow=True,
+    ),
+)

@@ -1,4 +1,4 @@
-"""Far field: how much of a wave comes back from the window's sides, and whether the level drifts.
+"""How much of a wave comes back from the window's sides, and does the level drift?
 
 Limits, from the literature on absorbing zones before anything was measured. A zone as wide as the wave is long sends
 back some 1 to 5 % of its height, one half as wide up to 10 % (Jacobsen et al., Int. J. Numer. Meth. Fluids 70 (2012)
@@ -17,7 +17,6 @@ what is left is what the layer does not absorb, exp(-strength cos(angle) / 2), a
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,9 +24,8 @@ import numpy as np
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
-from exumob.verification import Case, Check, absolute, reported
-from exumob.verification.basins import hump
-from exumob.verification.initial import TANK, centers, filled_to, started
+from exumob.verification.check import Case, Check, absolute, reported
+from exumob.verification.initial import TANK, centers, filled_to, hump, started
 from exumob.water.conditions import Water
 
 DEPTH = 0.12
@@ -44,11 +42,11 @@ def packet(grid: Grid, length: float, current: float, angle: float) -> tuple[Arr
     Parameters
     ----------
     length : float
-        Of its waves [m]; the envelope is exp(-(x cos(angle) / 0.6 length)^2).
+        Length of its waves [m]; the envelope is exp(-(x cos(angle) / 0.6 length)^2).
     current : float
-        Along x [m/s].
+        Speed of the current along x [m/s].
     angle : float
-        Between the waves' direction and x [rad]; two oblique trains mirrored in y, which walls at y = 0 and
+        Angle between the waves' direction and x [rad]; two oblique trains mirrored in y, which walls at y = 0 and
         length / (2 sin(angle)) do not disturb.
     """
     along, across = 2.0 * math.pi / length * np.array([math.cos(angle), math.sin(angle)])
@@ -155,7 +153,7 @@ def oblique_waves() -> list[Check]:
 
 
 def drift() -> list[Check]:
-    """What 10 s leave of a hump of water: mean level, volume, and largest wave; the same of humps inside the zones."""
+    """Mean level, volume and largest wave 10 s after a hump of water, and after humps inside the zones."""
     checks = []
     for current in (0.0, 1.0):
         grid = Grid.uniform((-1.2, -1.2, 0), (1.2, 1.2, 0.24), (0.06, 0.06, 0.03))
@@ -218,7 +216,7 @@ def body() -> list[Check]:
     return checks
 
 
-CASES: Sequence[Case] = (
+CASES: tuple[Case, ...] = (
     Case("far-field-waves", "Waves that the window's sides send back, by length", waves, 0.3),
     Case("far-field-current", "Waves sent back with and against a current", waves_in_current, 0.6, slow=True),
     Case("far-field-angles", "Waves sent back that meet the sides at an angle", oblique_waves, 1.5, slow=True),

@@ -1,4 +1,4 @@
-"""A floating box with one degree of freedom, heave, coupled to the flow: period, decay, and the draught it settles at.
+"""Does a floating box bob with the period of linear theory, and settle at its draught?
 
 The flow gives loads for a motion; here the motion follows from the loads. The box is lighter than the water that it
 carries along, so a step is repeated from a saved state until its acceleration and the loads agree (secant steps: with
@@ -16,18 +16,19 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import curve_fit
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
-from exumob.verification import Case, Check, absolute, relative, reported
+from exumob.verification.check import Case, Check, absolute, relative, reported
+from exumob.verification.measures import extremes, fitted_oscillation
+from exumob.verification.single_body import one_pose
 from exumob.water.conditions import Water
 
 LENGTH, WIDTH, HEIGHT, DRAUGHT, DEPTH = 0.4, 0.3, 0.2, 0.13, 0.35
-"""Of the box and the water [m]."""
+"""Sizes of the box and depth of the water [m]."""
 MASS = 1000.0 * LENGTH * WIDTH * DRAUGHT
-"""Of the box [kg]."""
+"""Mass of the box [kg]."""
 ADDED_MASS = 0.740
 """A over the mass of the box at the natural frequency [-]: 0.761 with 360 panels, 0.753 with 930; extrapolated."""
 DAMPING_RATIO = 0.070
@@ -41,7 +42,7 @@ class Heave:
     time: Array
     """[s]"""
     offset: Array
-    """Of the box above its place of rest [m]"""
+    """Height of the box above its place of rest [m]"""
     trials: float
     """Mean number of flow steps for each step of the coupled motion [-]"""
 
@@ -82,10 +83,7 @@ def released_box(
     rest = DEPTH - DRAUGHT + 0.5 * HEIGHT
 
     def pose(z: float, speed: float) -> Poses:
-        return Poses(
-            np.array([[0.0, 0.0, rest + z]]), np.eye(3)[None], np.array([[0.0, 0.0, speed]]), np.zeros((1, 3)),
-            np.zeros(1),
-        )  # fmt: skip
+        return one_pose((0.0, 0.0, rest + z), (0.0, 0.0, speed))
 
     z, speed, acceleration = offset, 0.0, 0.0
     slope = -MASS * (1.0 + ADDED_MASS)  # of the force's error over the acceleration, to begin with
@@ -117,28 +115,6 @@ def released_box(
     return Heave(np.array(dt * np.arange(steps + 1), dtype=float), np.array(offsets), trials / steps)
 
 
-def fitted_oscillation(time: Array, values: Array, period: float) -> tuple[float, float]:
-    """Period [s] and damping ratio [-] of b + exp(-d t) (a1 cos w t + a2 sin w t) fitted to a decay.
-
-    A bias b of the place of rest, by a fraction of a millimetre, would shift the passages through zero. `period` is the
-    fit's first guess [s].
-    """
-
-    def model(t: Array, b: float, d: float, w: float, a1: float, a2: float) -> Array:
-        return b + np.exp(-d * t) * (a1 * np.cos(w * t) + a2 * np.sin(w * t))
-
-    guess = (0.0, 0.5, 2.0 * math.pi / period, float(values[0]), 0.0)
-    (_, d, w, _, _), _ = curve_fit(model, time, values, guess)
-    return 2.0 * math.pi / abs(w), d / math.hypot(d, w)
-
-
-def extremes(values: Array) -> Array:
-    """First value and all local extremes, in order."""
-    inner = values[1:-1]
-    turning = (inner - values[:-2]) * (values[2:] - inner) < 0.0
-    return np.concatenate([values[:1], inner[turning]])
-
-
 def check_decay(cell_size: float = 0.025, dt: float = 5e-3) -> list[Check]:
     """Released 10 mm too high: period within 2 % of linear theory, every swing smaller than the one before."""
     run = released_box(0.01, 2.4, cell_size, dt)
@@ -167,7 +143,12 @@ def check_settling(cell_size: float = 0.025, dt: float = 5e-3) -> list[Check]:
 
 
 CASES: tuple[Case, ...] = (
-    Case("heave-decay", "floating box coupled to the flow: period of linear theory, no growth of energy", check_decay,
-         1.5, slow=True),
-    Case("settling", "box released half submerged settles at its draught", check_settling, 3.0, slow=True),
-)  # fmt: skip
+    Case(
+        "heave-decay",
+        "A floating box coupled to the flow: heave period of linear theory, no growth of energy",
+        check_decay,
+        1.5,
+        slow=True,
+    ),
+    Case("settling", "A box released half submerged settles at its draught", check_settling, 3.0, slow=True),
+)

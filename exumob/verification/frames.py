@@ -1,4 +1,8 @@
-"""Grids that move: what must not depend on the grid's motion, and what may only within the truncation error."""
+"""Does the flow depend on the motion of the grid that it is seen from?
+
+A grid that moves with the water must not change anything (round-off and the pressure's tolerance apart), one that moves
+through it no more than the truncation error, which falls with the cells.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +14,10 @@ from scipy.interpolate import RegularGridInterpolator
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, sphere
 from exumob.support.arrays import Array
 from exumob.support.rotations import about_z
-from exumob.verification import Case, Check, absolute, at_least, reported
-from exumob.verification.basins import hump
-from exumob.verification.initial import centers, filled_to, fitted_order
+from exumob.verification.check import Case, Check, absolute, at_least, reported
+from exumob.verification.initial import centers, filled_to, hump
+from exumob.verification.measures import fitted_order
+from exumob.verification.single_body import one_pose
 from exumob.water.conditions import Water
 
 DEPTH, HEIGHT = 0.2, 0.04
@@ -25,9 +30,7 @@ def steady_motion(speed: Sequence[float] | Array, yaw_rate: float, height: float
     """Poses of one sphere at `height` [m] that moves at speed (x, y) [m/s] and yaws [rad/s]."""
 
     def pose(t: float) -> Poses:
-        position = np.array([[speed[0] * t, speed[1] * t, height]])
-        velocity = np.array([[speed[0], speed[1], 0.0]])
-        return Poses(position, about_z(yaw_rate * t)[None], velocity, np.array([[0.0, 0.0, yaw_rate]]), np.zeros(1))
+        return one_pose((speed[0] * t, speed[1] * t, height), (speed[0], speed[1], 0.0), yaw_rate * t, yaw_rate)
 
     return pose
 
@@ -69,7 +72,7 @@ def uniform_current() -> list[Check]:
 
 
 def galilean() -> list[Check]:
-    """What a grid sees that moves along with the current, and what a moving, yawing grid sees of still water.
+    """Waves seen from a grid that moves along with the current, and from one that moves and yaws through still water.
 
     Water and grid moving together is the same discrete problem as both at rest: it must agree to round-off and the
     pressure's tolerance. A grid that moves through the water cuts and carries it otherwise: the results may differ by
@@ -101,9 +104,8 @@ def galilean() -> list[Check]:
         seen = RegularGridInterpolator((y, x), moved.surface_height(), method="cubic")
         xw, yw = np.meshgrid(x, y)
         inside = np.hypot(xw, yw) < 0.7
-        own = (np.stack([xw[inside], yw[inside], np.zeros(inside.sum())], axis=1) - [*moved.frame[:2], 0.0]) @ about_z(
-            moved.frame[2]
-        )
+        places = np.stack([xw[inside], yw[inside], np.zeros(inside.sum())], axis=1)
+        own = (places - [*moved.frame[:2], 0.0]) @ about_z(moved.frame[2])
         level = fixed.surface_height()[inside]
         difference = seen(own[:, 1::-1]) - level
         errors.append(float(np.sqrt(np.mean(difference**2) / np.mean((level - DEPTH) ** 2))))
@@ -133,7 +135,7 @@ def mirror() -> list[Check]:
     ]
 
 
-CASES: Sequence[Case] = (
+CASES: tuple[Case, ...] = (
     Case("uniform-current", "A uniform current stays uniform whatever the grid does", uniform_current, 0.1),
     Case("galilean", "Waves seen from a grid at rest, carried along, moving and yawing", galilean, 0.4),
     Case("mirrored-waves", "Waves on a yawing grid and their mirror image", mirror, 0.1),

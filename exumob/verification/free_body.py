@@ -1,4 +1,4 @@
-"""A free rigid body as the moving side of a coupling (`exumob.coupling.scheme.Mechanism`), without a multibody code."""
+"""A free rigid body as the moving side of a coupling (`exumob.coupling.scheme.Mechanism`), in place of a vehicle."""
 
 from __future__ import annotations
 
@@ -8,13 +8,19 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from exumob.flow import FlowSolver, Poses
+from exumob.flow import FlowSolver, Poses, Solid
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.vehicle.motion import BodyStates
 
 MICRO_STEPS = 10
-"""In a macro step."""
+"""Number of steps of the body in a macro step."""
+
+
+def uniform_box_inertia(mass: float, solid: Solid) -> Array:
+    """Principal moments of inertia of a uniform box [kg m^2], shape (3,); `mass` [kg]."""
+    a, b, c = (solid.high - solid.low) ** 2
+    return mass / 12.0 * np.array([b + c, a + c, a + b])
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Squat: a slender hull towed in shallow water is sucked down, by slender-body theory.
+"""How far is a slender hull sucked down in shallow water (squat)?
 
 Tuck, "Shallow-water flows past slender bodies", J. Fluid Mech. 26 (1966) 81: below the critical speed the vertical
 force on a hull of waterline breadth B(x) and section area S(x) is
@@ -25,7 +25,7 @@ from exumob.flow import FlowSettings, FlowSolver, Grid, Poses
 from exumob.flow.solids import prism
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
-from exumob.verification import Case, Check, absolute, relative, reported
+from exumob.verification.check import Case, Check, absolute, relative, reported
 from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)
@@ -103,6 +103,12 @@ def squat(
     return checks
 
 
-CASES: Sequence[Case] = (
-    Case("squat", "A slender hull is sucked down in shallow water: Tuck (1966)", squat, 12.0, slow=True),
+CASES: tuple[Case, ...] = (
+    Case(
+        "squat",
+        "A slender hull towed in shallow water is sucked down: slender-body theory (Tuck 1966)",
+        squat,
+        12.0,
+        slow=True,
+    ),
 )

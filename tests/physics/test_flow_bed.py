@@ -9,13 +9,14 @@ import pytest
 from exumob.flow import FlowSettings, FlowSolver, Grid, KOmegaSST, Poses, box, sphere
 from exumob.flow.bed import lowest_bed
 from exumob.flow.grid import HALO
+from exumob.flow.vehicle_window import vehicle_window
 from exumob.ground.terrain import Terrain
 from exumob.support.rotations import about_z
 from exumob.towing_tank.motion import CaptiveMotion
-from exumob.towing_tank.run import captive_grid, captive_run
-from exumob.verification.bodies import one_pose
+from exumob.towing_tank.run import captive_run
 from exumob.verification.frames import SETTINGS, steady_motion
 from exumob.verification.initial import TANK
+from exumob.verification.single_body import one_pose
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 
@@ -149,9 +150,9 @@ def test_captive_run_over_a_bed():
     x = np.linspace(-4.0, 4.0, 33)
     ditch = Terrain(heights=np.tile(-0.05 * np.exp(-((x - 0.2) ** 2) / 0.2), (2, 1)), origin=(-4.0, -9.0),
                     spacing=(0.25, 18.0))  # fmt: skip
-    grid = captive_grid(vehicle, 0.06, water, ditch)
+    grid = vehicle_window(vehicle, 0.06, water, ditch)
     assert -0.12 < grid.z_faces[0] < -0.1
-    assert captive_grid(vehicle, 0.06, water, Terrain(height=-0.03)).z_faces[0] == pytest.approx(-0.03)
+    assert vehicle_window(vehicle, 0.06, water, Terrain(height=-0.03)).z_faces[0] == pytest.approx(-0.03)
     run, level = (
         captive_run(
             vehicle, water, CaptiveMotion(0.5), grid=grid, duration=0.02, interval=0.01, snapshots=0.02,

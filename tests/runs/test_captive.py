@@ -8,11 +8,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from exumob.flow import FlowSettings, Grid
+from exumob.flow.vehicle_window import vehicle_window
 from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.support.errors import SimulationError, SimulationInterrupted
 from exumob.support.smoothing import smoothed
 from exumob.towing_tank.motion import CaptiveMotion
-from exumob.towing_tank.run import VARIABLES, captive_grid, captive_run, captive_summary
+from exumob.towing_tank.record import VARIABLES, captive_summary
+from exumob.towing_tank.run import captive_run
 from exumob.vehicle.motion import BODIES
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
@@ -132,7 +134,7 @@ def test_ramp_into_the_averaged_half_is_warned_of(caplog):
 
 def test_default_window_grows_with_the_vehicle():
     truck = light_4x4()
-    grid = captive_grid(truck, 0.1, Water(0.5))
+    grid = vehicle_window(truck, 0.1, Water(0.5))
     assert grid.x_faces[-1] > 1.7 * truck.hull.length
     assert grid.z_faces[-1] >= 1.5
 

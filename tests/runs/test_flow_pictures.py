@@ -19,7 +19,6 @@ from exumob.flow.output.pictures import (
     SurfaceView,
     animate_surface,
     describe,
-    plot_captive,
     plot_surface_map,
     plot_surfaces,
 )
@@ -28,6 +27,7 @@ from exumob.flow.output.vehicle_surface import body_triangles, stored_vehicle
 from exumob.flow.output.vtk import VtkSeries, surface_triangles, volume_fields
 from exumob.support.figures import save_figure
 from exumob.towing_tank.motion import CaptiveMotion
+from exumob.towing_tank.plots import plot_captive
 from exumob.towing_tank.run import captive_run
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle

@@ -10,9 +10,9 @@ import math
 import numpy as np
 import pytest
 
-from exumob.towing_tank.checks import check_resolution
-from exumob.towing_tank.run import captive_grid, doubled_grid
-from exumob.verification import runs, squat, towing
+from exumob.flow.resolution import check_resolution
+from exumob.flow.vehicle_window import doubled_window, vehicle_window
+from exumob.verification import load_convergence, runs, squat, towing, worst_case
 from exumob.verification.uncertainty import grid_convergence, mean_uncertainty
 from exumob.water.conditions import Water
 
@@ -59,39 +59,40 @@ def test_resistance_is_found_and_compared():
 
 
 def test_worst_case_grids_and_finished_runs(folder, monkeypatch):
-    checks = towing.worst_case(**QUICK)
+    checks = worst_case.worst_case(**QUICK)
     assert value_of(checks, "loads that are not numbers").passed
     assert value_of(checks, "level ahead of the bow wave, largest").passed
     means = {load: value_of(checks, f"{load}, mean").value for load in ("hull Fx", "hull Fz", "hull My")}
     assert means == pytest.approx({"hull Fx": -46.5, "hull Fz": 188.9, "hull My": -11.46}, rel=BAND)
     left, right = (value_of(checks, f"front_{side} Fx, mean").value for side in ("left", "right"))
     assert left == pytest.approx(-23.1, rel=BAND) and right == pytest.approx(left, rel=1e-6)  # straight on
-    quick = QUICK | {"cell_sizes": (0.044, 0.04, 0.048)}
-    del quick["cell_size"]
-    found = towing.load_convergence(**quick)
-    assert found["load"].values.tolist() == [f"{body} {name}" for body, _, name in towing.LOADS]
+    quick = QUICK | {"ratios": (1.1, 1.0, 1.2)}
+    found = load_convergence.load_convergence(**quick)
+    assert found["load"].values.tolist() == [f"{body} {name}" for body, _, name in worst_case.LOADS]
     for load, row in zip(found["load"].values, found["mean"].values, strict=True):
-        expected = grid_convergence(quick["cell_sizes"], row)
+        expected = grid_convergence((0.044, 0.04, 0.048), row)
         assert float(found["mean_gci"].sel(load=load)) == expected.gci
         assert found["mean_convergence"].sel(load=load) == expected.kind
     assert found["mean"].sel(load="hull Fx").values == pytest.approx([-52.9, -46.4, -59.1], rel=BAND)
-    assert len(towing.grid_convergence_case(**quick)) == 8 * len(towing.LOADS)
-    towing.plot_convergence(found)
+    assert len(load_convergence.check_load_convergence(**quick)) == 8 * len(worst_case.LOADS)
+    load_convergence.plot_convergence(found)
 
     monkeypatch.setattr(runs, "_kept", {})  # as another process would find it
     monkeypatch.setattr(runs, "captive_run", None)
-    again = towing.load_convergence(**quick)
+    again = load_convergence.load_convergence(**quick)
     assert np.array_equal(again["mean"], found["mean"])
 
 
 def test_window_and_step_comparisons_run():
-    checks = towing.compared("itself", *[towing.worst_run(0.04, 0.12, 0.002, allow_coarse=True)] * 2, limit=0.0)
-    assert [check.error for check in checks if math.isfinite(check.limit)] == [0.0] * len(towing.LOADS)
+    checks = worst_case.compared("itself", *[worst_case.worst_run(0.04, 0.12, 0.002, allow_coarse=True)] * 2, limit=0.0)
+    assert [check.error for check in checks if math.isfinite(check.limit)] == [0.0] * len(worst_case.LOADS)
     apart = [check for check in checks if "standard error" in check.name]
-    alone = mean_uncertainty(towing.loads_after(towing.worst_run(0.04, 0.12, 0.002, allow_coarse=True), 0.03)[:, 0, 0])
-    assert apart[0].value == pytest.approx(math.sqrt(2.0) * alone.error) and len(apart) == len(towing.LOADS)
-    vehicle, water = towing.paper_vehicle(), Water(towing.DEPTH)
-    normal, wide = captive_grid(vehicle, 0.04, water), doubled_grid(vehicle, 0.04, water)
+    alone = mean_uncertainty(
+        runs.loads_after(worst_case.worst_run(0.04, 0.12, 0.002, allow_coarse=True), 0.03)[:, 0, 0]
+    )
+    assert apart[0].value == pytest.approx(math.sqrt(2.0) * alone.error) and len(apart) == len(worst_case.LOADS)
+    vehicle, water = runs.paper_vehicle(), Water(runs.DEPTH)
+    normal, wide = vehicle_window(vehicle, 0.04, water), doubled_window(vehicle, 0.04, water)
     for name in ("x_faces", "y_faces"):
         assert np.ptp(getattr(wide, name)) == pytest.approx(2.0 * np.ptp(getattr(normal, name)), rel=0.05)
     assert np.array_equal(wide.z_faces, normal.z_faces)
@@ -107,8 +108,8 @@ def test_slender_hull():
     assert loads == pytest.approx((-0.114, -1.124, -0.633), rel=BAND)
 
 
-@pytest.mark.parametrize("measure", [towing.towed_held, towing.worst_case])
+@pytest.mark.parametrize("measure", [towing.towed_held, worst_case.worst_case])
 def test_default_cells_are_fine_enough(measure):
     cell_size = inspect.signature(measure).parameters["cell_size"].default
-    vehicle, water = towing.paper_vehicle(), Water(towing.DEPTH)
-    check_resolution(vehicle, captive_grid(vehicle, cell_size, water))
+    vehicle, water = runs.paper_vehicle(), Water(runs.DEPTH)
+    check_resolution(vehicle, vehicle_window(vehicle, cell_size, water))

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from exumob.driving.maneuver import lane_change
 from exumob.flow import FlowSettings, Grid
+from exumob.flow.resolution import check_resolution
 from exumob.support.smoothing import smoothed, window_samples
-from exumob.towing_tank.checks import check_resolution
 from exumob.towing_tank.motion import CaptiveMotion
 from exumob.towing_tank.run import captive_run
 from exumob.water.conditions import Water

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from exumob.verification.bodies import observed_order
 from exumob.verification.dam_breaks import ARRIVAL, IMPULSE_END, arrival, fitted_faces, impulse, martin_moyce, spheric2
-from exumob.verification.floating import extremes, fitted_oscillation
+from exumob.verification.measures import extremes, fitted_oscillation, observed_order
 
 
 def test_observed_order_of_a_known_error():

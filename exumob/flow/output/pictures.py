@@ -1,4 +1,4 @@
-"""Pictures of captive runs: the free surface with the vehicle in it (as in paper Fig. 9), and the loads."""
+"""Pictures and animations of the free surface with the vehicle in it (as in paper Fig. 9)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -25,27 +24,25 @@ from exumob.flow.output.snapshots import SNAPSHOT_VARIABLES
 from exumob.flow.output.vehicle_surface import SEGMENTS, body_triangles, placed, stored_vehicle
 from exumob.support.arrays import Array
 from exumob.support.figures import STYLE
-from exumob.vehicle.motion import BODIES
 
 COLORS = "RdBu_r"
 HULL_COLOR = (0.95, 0.72, 0.25)
 WHEEL_COLORS = (0.22, 0.22, 0.24), (0.34, 0.34, 0.37)
 CUT_COLOR = (0.42, 0.58, 0.70)
 LIGHT = (-0.5, 0.55, 1.0)
-BODY_COLORS = dict(zip(BODIES, ("C0", "C1", "C3", "C2", "C4"), strict=True))
 
 
 class SurfaceView:
-    """Draws snapshots of a captive run in perspective, from behind and above.
+    """A view of the snapshots of a run in perspective, from behind and above.
 
     Parameters
     ----------
     dataset : xr.Dataset
-        Of `captive_run` with `snapshots`.
+        Result of `captive_run` with `snapshots`, or of a coupled run with ``BuiltInFlow(snapshots=...)``.
     range_mm : float, optional
         Elevation at the ends of the colour scale [mm]; default: from the snapshots.
     azimuth, height : float
-        Of the camera: angle from straight behind, to starboard, and above the water [rad].
+        Direction of the camera: angle from straight behind, to starboard, and angle above the water [rad].
     extent : (float, float, float), optional
         Water shown ahead, behind and aside of the hull's centre of mass, in hull lengths.
     size : (int, int)
@@ -80,12 +77,12 @@ class SurfaceView:
         self.turns = np.stack([np.interp(dataset["snapshot"].values, time, turn) for turn in turns.T], axis=1)
 
     def image(self, index: int) -> Array:
-        """Picture of one snapshot, shape (height, width, 3), 0 to 1."""
+        """Draw one snapshot, shape (height, width, 3), 0 to 1."""
         parts = [self._water(index), self._cut(index), *self._vehicle(index)]
         return render(np.concatenate([t for t, _ in parts]), np.concatenate([c for _, c in parts]), self.camera)
 
     def mappable(self) -> ScalarMappable:
-        """For the colour bar, in mm."""
+        """Return what the colour bar is made from, in mm."""
         return ScalarMappable(self.scale, self.colors)
 
     def _surface(self, index: int) -> tuple[Array, Array]:
@@ -137,7 +134,7 @@ class SurfaceView:
 
 
 def fill_masked(values: Array, cells: int) -> Array:
-    """Masked (NaN) values within some cells of others, taken from the nearest one; the rest stays NaN."""
+    """Fill masked (NaN) values within some cells of others from the nearest one; the rest stays NaN."""
     masked = ~np.isfinite(values)
     if not masked.any():
         return values
@@ -146,7 +143,7 @@ def fill_masked(values: Array, cells: int) -> Array:
 
 
 def water_depth(dataset: xr.Dataset) -> float:
-    """Still depth of a captive run [m]."""
+    """Return the depth of the still water in a run [m]."""
     return float(json.loads(dataset.attrs["parameters"])["water"]["Water"]["depth"])
 
 
@@ -179,7 +176,7 @@ def _with_snapshots(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def plot_surface(axes: Axes, view: SurfaceView, index: int) -> list[Artist]:
-    """One snapshot in perspective."""
+    """Draw one snapshot in perspective."""
     time = float(view.data["snapshot"][index])
     axes.set_axis_off()
     axes.set_title(f"t = {time:.2f} s")
@@ -189,14 +186,14 @@ def plot_surface(axes: Axes, view: SurfaceView, index: int) -> list[Artist]:
 def plot_surfaces(
     figure: Figure | SubFigure, dataset: xr.Dataset, times: Sequence[float] | None = None, columns: int = 2
 ) -> list[Axes]:
-    """Free surface at several instants, coloured by elevation, with one colour bar (as paper Fig. 9).
+    """Draw the free surface at several instants, coloured by elevation, with one colour bar (as paper Fig. 9).
 
     Parameters
     ----------
     figure : Figure or SubFigure
-        With constrained layout.
+        It needs a constrained layout.
     dataset : xr.Dataset
-        Of `captive_run` with `snapshots`.
+        Result of `captive_run` with `snapshots`.
     times : sequence of float, optional
         [s]; the nearest snapshots are drawn. Default: as many as `columns`, evenly spread up to the end.
     columns : int
@@ -218,7 +215,7 @@ def plot_surfaces(
 
 
 def plot_surface_map(axes: Axes, dataset: xr.Dataset, index: int = -1, range_mm: float | None = None) -> list[Artist]:
-    """Free surface from above in the vehicle's frame; cells that a solid pierces are left blank."""
+    """Draw the free surface from above in the vehicle's frame; cells that a solid pierces are left blank."""
     dataset = _with_snapshots(dataset)
     elevation = 1e3 * dataset["elevation"].values[index]
     limits = _limits(1e-3 * elevation, range_mm)
@@ -238,7 +235,7 @@ def animate_surface(dataset: xr.Dataset, file: str | Path, frames_per_second: fl
     Parameters
     ----------
     dataset : xr.Dataset
-        Of `captive_run` with `snapshots`; each is a frame.
+        Result of `captive_run` with `snapshots`; each is a frame.
     file : Path
         Ending in .gif or .mp4.
     frames_per_second : float, optional
@@ -280,7 +277,7 @@ def animate_surface(dataset: xr.Dataset, file: str | Path, frames_per_second: fl
 
 
 def describe(dataset: xr.Dataset) -> str:
-    """One line on a captive run: vehicle, its motion at the end, water."""
+    """Return one line on a captive run: vehicle, its motion at the end, water."""
     stored = json.loads(dataset.attrs["parameters"])
     water = stored["water"]["Water"]
     name = next(iter(stored["vehicle"].values()))["name"]
@@ -293,67 +290,3 @@ def describe(dataset: xr.Dataset) -> str:
     words += [f"drift angle {drift:.3g}°"] if speed > 0.01 and abs(drift) > 0.1 else []
     words += [f"yaw rate {rate:.3g}°/s"] if abs(rate) > 0.1 else []
     return ", ".join([*words, f"current {water['current_speed']:g} m/s", f"depth {1e3 * water['depth']:.0f} mm"])
-
-
-# -- the loads ---------------------------------------------------------------------------------------------------------
-
-
-def plot_load(
-    axes: Axes, dataset: xr.Dataset, name: str, axis: str, bodies: Sequence[str], **style: Any
-) -> list[Artist]:
-    """One component of "force" or "moment" on some bodies over time: raw thin, smoothed thick, body axes."""
-    artists: list[Artist] = []
-    for body in bodies:
-        one = dataset.sel(body=body, axis=axis)
-        look: dict[str, Any] = {"color": BODY_COLORS[body]} | style
-        artists += axes.plot(dataset["time"], one[name], lw=0.4, alpha=0.45, **look)
-        artists += axes.plot(dataset["time"], one[f"{name}_smooth"], lw=1.5, label=body.replace("_", " "), **look)
-    return artists
-
-
-def plot_captive_loads(figure: Figure | SubFigure, dataset: xr.Dataset) -> list[Axes]:
-    """Three forces and three moments of the hull, and the same of the wheels; dashed: means of the second half."""
-    panels = figure.subplots(4, 3, sharex=True)
-    later = dataset.sel(time=slice(0.5 * float(dataset["time"][-1]), None))
-    for row, (bodies, name) in enumerate((b, n) for b in (BODIES[:1], BODIES[1:]) for n in ("force", "moment")):
-        smooth = dataset[f"{name}_smooth"].sel(body=list(bodies))
-        whole = float(np.abs(smooth).max()) or 1.0
-        for axes, axis in zip(panels[row], "xyz", strict=True):
-            plot_load(axes, dataset, name, axis, bodies)
-            for body in bodies:
-                mean = float(later[name].sel(body=body, axis=axis).mean())
-                start = float(later["time"][0])
-                axes.plot([start, float(later["time"][-1])], [mean, mean], "--", color=BODY_COLORS[body], lw=0.9)
-            values = smooth.sel(axis=axis).values
-            low, high = float(values.min()), float(values.max())
-            half = max(0.65 * (high - low), 0.04 * whole)  # what is nearly nothing must not fill its panel
-            axes.set_ylim(0.5 * (low + high) - half, 0.5 * (low + high) + half)
-            unit = "N" if name == "force" else "N m"
-            axes.set_ylabel(f"${'F' if name == 'force' else 'M'}_{axis}$ [{unit}]")
-            if row == 3:
-                axes.set_xlabel("time [s]")
-        who = "hull" if row < 2 else "wheels"
-        panels[row][0].set_title(f"{name} on the {who}", loc="left")
-    legend = panels[2][1].legend(ncols=4, loc="lower left", bbox_to_anchor=(-0.1, 1.0), borderaxespad=0.2)
-    legend.set_in_layout(False)  # it may reach over its neighbours' empty titles
-    return list(panels.flat)
-
-
-def plot_captive(dataset: xr.Dataset) -> Figure:
-    """A captive run on one page: the free surface at two instants if snapshots were kept, and the loads."""
-    with plt.rc_context(STYLE):
-        window = 1e3 * float(dataset.attrs["smoothing_window"])
-        about = f"water on the vehicle, body axes; thin: raw, thick: mean over {window:.0f} ms, dashed: mean"
-        if "elevation" not in dataset:
-            figure = plt.figure(figsize=(11.0, 8.5), layout="constrained")
-            plot_captive_loads(figure, dataset)
-            figure.suptitle(f"{describe(dataset)}\n{about}", fontsize=10)
-            return figure
-        figure = plt.figure(figsize=(11.0, 12.0), layout="constrained")
-        parts: Any = figure.subfigures(2, 1, height_ratios=[1.0, 2.3])
-        above, below = parts
-        plot_surfaces(above, dataset)
-        above.suptitle(describe(dataset), fontsize=11, fontweight="bold")
-        plot_captive_loads(below, dataset)
-        below.suptitle(about, fontsize=9)
-    return figure

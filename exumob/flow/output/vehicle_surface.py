@@ -17,7 +17,10 @@ SEGMENTS = 40
 
 
 def body_triangles(vehicle: Vehicle) -> tuple[Array, ...]:
-    """Triangles of the five bodies in their own axes [m], each of shape (n, 3, 3), order of `exumob.vehicle.motion.BODIES`."""
+    """Return the triangles of the five bodies in their own axes [m], each of shape (n, 3, 3).
+
+    The order is that of `exumob.vehicle.motion.BODIES`.
+    """
     wheel = cylinder_surface(vehicle.wheel.radius, vehicle.wheel.width, SEGMENTS).triangles
     return hull_surface(vehicle).triangles, wheel, wheel, wheel, wheel
 

@@ -1,0 +1,157 @@
+"""Can a grid carry a vehicle? Checks before a run: cells in the gaps, cells across a wheel, room in the window."""
+
+from __future__ import annotations
+
+import logging
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from exumob.flow.grid import Grid
+from exumob.flow.solids import Solid, vehicle_solids
+from exumob.flow.tread import Tread
+from exumob.support.rotations import about_z
+from exumob.vehicle.motion import WHEELS
+from exumob.vehicle.parameters import Vehicle
+
+logger = logging.getLogger(__name__)
+
+ROUNDING = 0.02
+"""Part by which a grid's cells may be larger than asked for, since whole cells must fit [-]."""
+LEAST_CELLS_IN_GAP = 2.0
+LEAST_CELLS_ACROSS_WHEEL = 4.0
+
+
+def check_resolution(
+    vehicle: Vehicle, grid: Grid, steering_range: tuple[float, float] = (0.0, 0.0), *, allow_coarse: bool = False
+) -> None:
+    """Find out before a run whether a grid can carry a vehicle.
+
+    Gaps between hull and wheels and under the keel need two cells, a wheel's width four; hull and wheels must stay
+    inside the window.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    grid : Grid
+        In the hull's frame.
+    steering_range : (float, float)
+        Smallest and largest angle of a front wheel during the run [rad].
+    allow_coarse : bool
+        Log a warning where cells are too coarse. A vehicle outside the window or a bad mesh is always an error.
+
+    Raises
+    ------
+    ValueError
+        Naming the gap or the wheel, its size, and the cell size that would do; or the window that would do; or if the
+        hull's mesh is not watertight or not in the vehicle's frame.
+    """
+    checked_solids(vehicle, grid, steering_range, allow_coarse)
+
+
+def checked_solids(
+    vehicle: Vehicle, grid: Grid, steering_range: tuple[float, float], allow_coarse: bool, tread: Tread | None = None
+) -> tuple[Solid, ...]:
+    """Return the solids of the five bodies for a grid, after the checks of `check_resolution`.
+
+    Checks and solids come from one function because a hull's mesh is costly to sample and is sampled once here.
+    """
+    if vehicle.hull.mesh is not None:
+        from exumob.water.wetted_surface import hull_surface
+
+        hull_surface(vehicle)  # raises for a mesh that leaks, is turned inside out, or is in other units
+    cell = _largest_cell(vehicle, grid)
+    solids = vehicle_solids(vehicle, grid.smallest_width, tread)
+    too_coarse = [need for need in _needs(vehicle, solids, steering_range) if need.lacks(cell)]
+    if not too_coarse:
+        return solids
+    finest = math.floor(1e4 * min(need.size / need.least for need in too_coarse)) / 1e4
+    message = "; ".join(
+        f"{need.what} of {1e3 * need.size:.1f} mm has {need.size / cell:.1f} cells of {1e3 * cell:.1f} mm and needs "
+        f"{need.least:g}"
+        for need in too_coarse
+    )
+    if not allow_coarse:
+        raise ValueError(
+            f"{vehicle.name}: {message}; use a cell size of {finest:g} m or less, or accept coarse cells "
+            "(allow_coarse, --coarse) for a quick look."
+        )
+    logger.warning("%s: %s; loads of this run are rough (%g m would do).", vehicle.name, message, finest)
+    return solids
+
+
+class _Need(NamedTuple):
+    """A length that must hold some cells."""
+
+    what: str
+    size: float  # [m]
+    least: float  # [cells]
+
+    def lacks(self, cell: float) -> bool:
+        return self.size > 0.0 and self.size / cell < self.least * (1.0 - ROUNDING)
+
+
+def _needs(vehicle: Vehicle, solids: tuple[Solid, ...], steering_range: tuple[float, float]) -> list[_Need]:
+    """Lengths of a vehicle that a grid must resolve; raises if a wheel cuts into the hull."""
+    hull, *_, wheel = solids
+    angles = sorted({0.0, *np.linspace(*steering_range, 13)})
+    gaps = [(_gap(vehicle, hull, wheel, angle, k), angle, k) for angle in angles for k in (0, 1)]
+    gaps += [(_gap(vehicle, hull, wheel, 0.0, k), 0.0, k) for k in (2, 3)]
+    gap, angle, k = min(gaps)
+    name = WHEELS[k].replace("_", " ")
+    if gap <= 0.0:
+        raise ValueError(
+            f"{vehicle.name}: the {name} wheel cuts {-1e3 * gap:.0f} mm into the hull when steered "
+            f"{math.degrees(angle):.0f} deg; steer less, or widen the track."
+        )
+    keel = float(vehicle.hull.center_of_mass_height + hull.low[2])
+    steered = f" steered {math.degrees(angle):.0f} deg" if abs(angle) > 0.005 else ""
+    return [
+        _Need(f"the gap between hull and {name} wheel{steered}", gap, LEAST_CELLS_IN_GAP),
+        _Need("the gap between keel and bed", keel, LEAST_CELLS_IN_GAP),
+        _Need("a wheel's width", vehicle.wheel.width, LEAST_CELLS_ACROSS_WHEEL),
+    ]
+
+
+def _largest_cell(vehicle: Vehicle, grid: Grid) -> float:
+    """Largest horizontal width of the cells that the vehicle overlaps [m]; raises if it leaves the window."""
+    largest = []
+    for faces, (low, high) in zip((grid.x_faces, grid.y_faces), _extents(vehicle, grid), strict=True):
+        overlap = (faces[1:] > low) & (faces[:-1] < high)
+        largest.append(np.diff(faces).max(initial=0.0, where=overlap))
+    return float(max(largest))
+
+
+def _extents(vehicle: Vehicle, grid: Grid) -> list[tuple[float, float]]:
+    """Extents of the five bodies along the grid's x and y [m]; raises if they leave the window."""
+    hull, radius = vehicle.hull, vehicle.wheel.radius
+    turning = math.hypot(radius, 0.5 * vehicle.wheel.width)
+    middle = hull.center_x - hull.center_of_mass_x
+    axles = np.array([0.5, -0.5]) * vehicle.wheelbase - hull.center_of_mass_x
+    extents = [
+        (min(middle - 0.5 * hull.length, axles[1] - radius), max(middle + 0.5 * hull.length, axles[0] + turning)),
+        (-max(0.5 * hull.width, 0.5 * vehicle.track + turning), max(0.5 * hull.width, 0.5 * vehicle.track + turning)),
+    ]
+    margin = 3.0 * grid.smallest_width
+    for axis, faces, (low, high) in zip("xy", (grid.x_faces, grid.y_faces), extents, strict=True):
+        if low - margin < faces[0] or high + margin > faces[-1]:
+            raise ValueError(
+                f"{vehicle.name} reaches from {low:.3f} to {high:.3f} m along {axis} (from the hull's centre of mass), "
+                f"the window only from {faces[0]:.3f} to {faces[-1]:.3f} m; Grid.{axis}_faces must reach three cells "
+                f"({1e3 * margin:.0f} mm) beyond it on both sides, and some hull lengths for the waves."
+            )
+    return extents
+
+
+def _gap(vehicle: Vehicle, hull: Solid, wheel: Solid, angle: float, k: int) -> float:
+    """Least distance [m] between the hull and wheel k turned by `angle` [rad], from points on the wheel's surface."""
+    (radius, half, _), edge = wheel.shape.half_sizes, wheel.shape.edge_radius
+    around = np.linspace(0.0, 2.0 * math.pi, 37)[:-1]
+    corner = np.linspace(0.0, 0.5 * math.pi, 7)
+    rings = [(radius - edge * (1.0 - math.cos(a)), half - edge * (1.0 - math.sin(a))) for a in corner]
+    rings += [(part * (radius - edge), half) for part in (0.5, 0.0)]
+    rings += [(r, -y) for r, y in rings]
+    points = np.array([[r * math.cos(a), y, r * math.sin(a)] for r, y in rings for a in around])
+    turned = points @ about_z(angle).T
+    return float(hull.distance(turned + vehicle.wheel_centers[k] - vehicle.hull_origin).min())

@@ -1,0 +1,69 @@
+"""The window of the flow round a vehicle: how far its grid reaches, in proportion to the hull, and how low."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exumob.flow.bed import lowest_bed
+from exumob.flow.grid import Grid
+from exumob.ground.terrain import Terrain
+from exumob.support.arrays import Array
+from exumob.support.checks import require_positive
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.conditions import Water
+
+AHEAD, BEHIND, ASIDE, TOP = 1.8, 2.4, 1.8, 0.42
+"""Reach of the window from the hull's centre of mass, over the vehicle's length [-]."""
+
+
+def vehicle_window(
+    vehicle: Vehicle, cell_size: float, water: Water, terrain: Terrain | None = None, frames: Array | None = None
+) -> Grid:
+    """Return the default grid round a vehicle, for captive runs and for the flow in the loop.
+
+    It is `Grid.around_vehicle` with a window in proportion to the hull's length.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    cell_size : float
+        Cell size round the vehicle [m].
+    water : Water
+        The window is at least three and a half times as high as it is deep.
+    terrain : Terrain, optional
+        The bed. The window begins at a flat bed, and a cell below the lowest point on its way of any other.
+    frames : array, shape (n, 3), optional
+        Places on that way: x, y [m] and heading [rad] of the hull. Default: the world's origin.
+
+    Raises
+    ------
+    ValueError
+        If `cell_size` is not positive.
+    """
+    require_positive("vehicle_window", cell_size=cell_size)
+    scale = max(vehicle.hull.length, vehicle.wheelbase + vehicle.wheel.diameter)
+    ahead, behind, aside = AHEAD * scale, BEHIND * scale, ASIDE * scale
+    bottom = 0.0
+    if terrain is not None and terrain.is_flat:
+        bottom = terrain.height
+    elif terrain is not None:
+        margin = 0.1 * scale  # of the outermost cells, which may reach beyond these sides
+        corners = np.array([-behind - margin, -aside - margin]), np.array([ahead + margin, aside + margin])
+        frames = np.zeros((1, 3)) if frames is None else frames
+        bottom = lowest_bed(terrain, frames, *corners, spacing=0.1) - cell_size
+    return Grid.around_vehicle(
+        vehicle, cell_size, ahead=ahead, behind=behind, aside=aside, top=max(TOP * scale, 3.5 * water.depth),
+        bottom=bottom,
+    )  # fmt: skip
+
+
+def doubled_window(vehicle: Vehicle, cell_size: float, water: Water) -> Grid:
+    """Return a grid that reaches twice as far ahead, behind and aside as `vehicle_window`.
+
+    Cells round the vehicle and the top stay as they are: runs in both windows show what the sides do to the loads.
+    """
+    normal = vehicle_window(vehicle, cell_size, water)
+    return Grid.around_vehicle(
+        vehicle, cell_size, ahead=2.0 * normal.x_faces[-1], behind=-2.0 * normal.x_faces[0],
+        aside=2.0 * normal.y_faces[-1], top=float(normal.z_faces[-1]) - 1e-6,
+    )  # fmt: skip

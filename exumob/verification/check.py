@@ -1,0 +1,122 @@
+"""Checks and cases: a number beside its reference with a limit, and the run that gives it."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Check:
+    """One number that a case compares.
+
+    Parameters
+    ----------
+    name : str
+        The quantity with its setting: "sloshing period, level at 7.75 cells".
+    value, reference : float
+        Found and expected, in `unit`; the reference is NaN where there is none.
+    error : float
+        As the limit means it: relative, absolute, or a value that must stay small.
+    limit : float
+        Largest |error| allowed; infinite: the value is reported only.
+    unit : str
+        Unit of value and reference.
+    """
+
+    name: str
+    value: float
+    reference: float
+    error: float
+    limit: float
+    unit: str = "-"
+
+    @property
+    def limited(self) -> bool:
+        """True if there is a limit to meet, False if the value is reported only."""
+        return self.limit != float("inf")
+
+    @property
+    def passed(self) -> bool:
+        """True if the error is within the limit; without a limit, if the value is a number. NaN never passes."""
+        if not self.limited:
+            return bool(np.isfinite(self.value))
+        return bool(np.isfinite(self.error) and abs(self.error) <= self.limit)
+
+
+def relative(name: str, value: float, reference: float, limit: float, unit: str = "-") -> Check:
+    """Check of value / reference - 1."""
+    return Check(name, float(value), float(reference), float(value / reference - 1.0), limit, unit)
+
+
+def absolute(name: str, value: float, reference: float, limit: float, unit: str = "-") -> Check:
+    """Check of value - reference, in `unit`."""
+    return Check(name, float(value), float(reference), float(value - reference), limit, unit)
+
+
+def at_least(name: str, value: float, least: float, unit: str = "-") -> Check:
+    """Check that a value does not fall below a bound; the error is how far it does."""
+    return Check(name, float(value), float(least), float(max(least - value, 0.0)), 0.0, unit)
+
+
+def reported(name: str, value: float, reference: float = float("nan"), unit: str = "-") -> Check:
+    """A number without a limit, with a reference to read it by if there is one."""
+    return Check(name, float(value), float(reference), float(value - reference), float("inf"), unit)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A question to the flow solver: a run, or a few, and the checks that answer it.
+
+    Parameters
+    ----------
+    name : str
+        Short, for the command line: "sloshing".
+    about : str
+        One line: the physics and the source of the reference.
+    run : callable
+        Returns the checks. Its parameters have defaults, with which the limits were set.
+    minutes : float
+        Wall time on one core, roughly.
+    slow : bool
+        Left out unless asked for.
+    figure : callable, optional
+        Draws the case; it takes the same parameters as `run`.
+    """
+
+    name: str
+    about: str
+    run: Callable[..., Sequence[Check]]
+    minutes: float
+    slow: bool = False
+    figure: Callable[..., Figure] | None = None
+
+    @property
+    def question(self) -> str:
+        """The question that the case belongs to: the first line of the file that defines its run."""
+        return (sys.modules[self.run.__module__].__doc__ or "").split("\n")[0]
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """Names of the parameters of `run` that may be chosen: "cell_size", "duration" and so on."""
+        return tuple(inspect.signature(self.run).parameters)
+
+    def require_options(self, names: Iterable[str]) -> None:
+        """Refuse parameters that the case does not have.
+
+        Raises
+        ------
+        ValueError
+            Naming them and those that it has.
+        """
+        if unknown := [name for name in names if name not in self.options]:
+            known = ", ".join(self.options) or "none"
+            raise ValueError(f"the case {self.name} has no option {', '.join(unknown)}; it has {known}.")

@@ -1,0 +1,97 @@
+"""With which order do the coupling schemes converge as the macro step shrinks?
+
+A mass on a spring whose water is a single number, its added mass: the exact solution is known and nothing else errs.
+Limits, written down first: order 1.8 with loads held over a step and 2.6 with linear ones, at twice the mass of water.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+
+from exumob.coupling.scheme import Coupling
+from exumob.coupling.semi_implicit import SemiImplicit
+from exumob.coupling.strong import Strong
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
+from exumob.vehicle.motion import BodyStates
+from exumob.verification.check import Case, Check, at_least, reported
+from exumob.verification.coupled import named
+from exumob.verification.free_body import FreeBody
+
+
+class SpringWater:
+    """Water of a single number: mean of -k z - A z'' + weight over the step, the exact mean for cubic motion."""
+
+    def __init__(self, mass: float, stiffness: float, added_mass: float, offset: float) -> None:
+        self.mass, self.stiffness, self.added_mass = mass, stiffness, added_mass
+        self.state = 0.0, offset, 0.0
+
+    def start(self, vehicle: object, water: object, macro_step: float) -> None:
+        """Nothing to prepare."""
+
+    def wrenches(self, history: BodyStates, predict: Callable[[], BodyStates]) -> Array:
+        """Mean wrench up to the predicted state, shape (1, 6)."""
+        ahead = predict()
+        time, z, speed = float(ahead.time[-1]), float(ahead.position[-1, 0, 2]), float(ahead.velocity[-1, 0, 2])
+        before, z0, speed0 = self.state
+        step = time - before
+        mean = 0.5 * (z0 + z) + step / 12.0 * (speed0 - speed)
+        force = self.mass * GRAVITY - self.stiffness * mean - self.added_mass * (speed - speed0) / step
+        self.state = time, z, speed
+        return np.array([[0.0, 0.0, force, 0.0, 0.0, 0.0]])
+
+    def save(self, histories: bool = True) -> tuple[float, float, float]:
+        """Time, place and speed."""
+        return self.state
+
+    def restore(self, saved: tuple[float, float, float]) -> None:
+        """Return to a saved state."""
+        self.state = saved
+
+    def record(self) -> dict[str, xr.DataArray]:
+        """Nothing."""
+        return {}
+
+
+def spring_error(scheme: Coupling, step: float, ratio: float) -> float:
+    """Largest error of the place over the amplitude in 0.5 s of heave at 3 Hz, added mass over mass `ratio`."""
+    mass, omega, offset = 10.0, 6.0 * np.pi, 0.01
+    water = SpringWater(mass, mass * (1.0 + ratio) * omega**2, ratio * mass, offset)
+    body = FreeBody(mass, np.ones(3), (0.0, 0.0, offset))
+    scheme.start()
+    worst = 0.0
+    for n in range(round(0.5 / step)):
+        scheme.step(body, water, step * (n + 1))
+        exact = offset * np.cos(omega * body.time)
+        worst = max(worst, abs(float(body.present().position[0, 0, 2]) - exact) / offset)
+    return worst
+
+
+def check_spring() -> list[Check]:
+    """Order in the macro step, with an added mass of twice the mass: 2 with held, 3 with linear loads."""
+    checks = []
+    schemes: tuple[Coupling, ...] = (
+        SemiImplicit(within_step="held"), SemiImplicit(), Strong(within_step="held", tolerance=1e-8),
+        Strong(tolerance=1e-8),
+    )  # fmt: skip
+    for scheme in schemes:
+        coarse, fine = spring_error(scheme, 4e-3, 2.0), spring_error(scheme, 1e-3, 2.0)
+        within = str(scheme.within_step)  # type: ignore[attr-defined]
+        name = f"{named(scheme)}, {within}"
+        least = 1.8 if within == "held" else 2.6
+        checks.append(at_least(f"order in the macro step, {name}", float(np.log(coarse / fine) / np.log(4.0)), least))
+        checks.append(reported(f"error over amplitude, 1 ms, {name}", fine))
+    return checks
+
+
+CASES: tuple[Case, ...] = (
+    Case(
+        "coupled-spring",
+        "A mass on a spring with twice its added mass: order of the coupling in the macro step",
+        check_spring,
+        0.1,
+    ),
+)

@@ -1,0 +1,116 @@
+"""Are the loads on a moving body smooth, symmetric, and those of the water that it displaces?
+
+Limits: volume 0.2 % while a box plunges; noise of the lift 1 % through the grid, 0.1 % moving with it, independent of
+the step within 20 %; mirror symmetry 1e-4.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
+from exumob.verification.check import Case, Check, absolute, relative
+from exumob.verification.initial import VISCOUS_TANK
+from exumob.verification.single_body import loads_over, one_pose
+from exumob.water.conditions import Water
+
+
+def plunge(shift: float = 0.0, dt: float = 2e-3, cell_size: float = 0.02) -> tuple[Array, float, float]:
+    """Box driven through the surface of a tank at 0.4 m/s for 0.3 s.
+
+    Returns
+    -------
+    loads : array, shape (n, 6)
+        [N, N m]
+    error : float
+        Largest volume error over the tank's volume.
+    buoyancy : float
+        At the end, on the mean level [N].
+    """
+    grid = Grid.uniform((-0.6, -0.5, 0), (0.6, 0.5, 0.4), cell_size)
+    solver = FlowSolver(grid, (box(0.4, 0.3, 0.15),), Water(0.2), VISCOUS_TANK)
+    top, speed, until = 0.30 + shift, np.array([0.0, 0.0, -0.4]), 0.3
+
+    def pose(t: float) -> Poses:
+        return one_pose(np.array([0.003, 0.001, top]) + speed * t, speed)
+
+    solver.start(pose(0.0))
+    volume, loads, errors = solver.water_volume(), [], []
+    for n in range(round(until / dt)):
+        loads.append(solver.advance(dt * (n + 1), pose(dt * (n + 1)))[0])
+        errors.append(solver.water_volume() / volume - 1.0)
+    draught = float(np.median(solver.surface_height()[0])) - (top - 0.4 * until - 0.075)
+    return np.array(loads), float(np.abs(errors).max()), 1000.0 * GRAVITY * 0.4 * 0.3 * draught
+
+
+def check_plunge(cell_size: float = 0.02) -> list[Check]:
+    """Two places within a cell: volume within 0.2 %, lift near Archimedes (the box still accelerates water: 25 %)."""
+    checks = []
+    for shift in (0.0, 0.007):
+        loads, error, buoyancy = plunge(shift, cell_size=cell_size)
+        checks.append(absolute(f"volume error, shift {1e3 * shift:g} mm", error, 0.0, 2e-3))
+        lift = loads[-25:, 2].mean()
+        checks.append(relative(f"lift after the plunge, shift {1e3 * shift:g} mm", lift, buoyancy, 0.25, "N"))
+    return checks
+
+
+def force_noise(follow: int | None, dt: float, cell_size: float = 0.02) -> float:
+    """Noise of a box's lift over the lift, less a 21 ms average; 0.5 m/s through the grid, or with it (follow = 0)."""
+    grid = Grid.uniform((-0.9, -0.4, 0), (0.9, 0.4, 0.3), cell_size)
+    settings = FlowSettings(follow=follow, absorbing_width=0.25)
+    solver = FlowSolver(grid, (box(0.3, 0.2, 0.15, friction=0.005),), Water(0.16), settings)
+    start = 0.0 if follow is not None else -0.3
+
+    def pose(t: float) -> Poses:
+        r = min(t / 0.2, 1.0)
+        speed = 0.5 * r**3 * (10.0 - 15.0 * r + 6.0 * r * r)
+        way = 0.5 * (0.2 * r**4 * (2.5 - 3.0 * r + r * r) + max(t - 0.2, 0.0))
+        return one_pose((start + way, 0.001, 0.16), (speed, 0.0, 0.0))
+
+    lift = loads_over(solver, pose, dt, 0.6)[:, 2]
+    n = round(0.02 / dt) | 1
+    rest = (lift - np.convolve(lift, np.ones(n) / n, "same"))[round(0.3 / dt) : -n]
+    return float(rest.std() / lift[round(0.3 / dt) :].mean())
+
+
+def check_noise() -> list[Check]:
+    """The lift's noise moving with the grid, through it, and through it at half the step."""
+    with_grid, coarse, fine = force_noise(0, 2e-3), force_noise(None, 2e-3), force_noise(None, 1e-3)
+    return [
+        absolute("noise of the lift moving with the grid, dt 2 ms", with_grid, 0.0, 1e-3),
+        absolute("noise of the lift through the grid, dt 2 ms", coarse, 0.0, 0.01),
+        absolute("noise of the lift through the grid, dt 1 ms", fine, 0.0, 0.01),
+        relative("noise at dt 1 ms over dt 2 ms", fine / coarse, 1.0, 0.2),
+    ]
+
+
+def mirror_loads(side: float, cell_size: float = 0.03) -> Array:
+    """Loads [N, N m], shape (n, 6), on a box that drifts, yaws and meets a current from port (1) or starboard (-1)."""
+    grid = Grid.stretched((-0.3, -0.3, 0), (0.3, 0.3, 0.2), (-0.8, -0.8, 0), (0.8, 0.8, 0.3), cell_size)
+    solver = FlowSolver(
+        grid, (box(0.3, 0.2, 0.2, friction=0.01),), Water(0.12, 0.5, side * 2.5), FlowSettings(absorbing_width=0.2)
+    )
+
+    def pose(t: float) -> Poses:
+        return one_pose((0.3 * t, side * 0.2 * t, 0.15), (0.3, side * 0.2, 0.0), side * (0.3 + 0.5 * t), side * 0.5)
+
+    return loads_over(solver, pose, 0.004, 0.16)
+
+
+def check_symmetry() -> list[Check]:
+    """Mirrored motion and current: mirrored loads."""
+    port, starboard = mirror_loads(1.0), mirror_loads(-1.0)
+    sign = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+    error = np.abs(port[1:] - sign * starboard[1:]).max() / np.abs(port).max()
+    return [absolute("loads on a box and its mirror image, over the largest", float(error), 0.0, 1e-4)]
+
+
+CASES: tuple[Case, ...] = (
+    Case("mirror", "A drifting, yawing box and its mirror image: mirrored loads", check_symmetry, 0.1),
+    Case(
+        "plunge", "A box driven through the surface: volume of the water, lift of the box", check_plunge, 0.5, slow=True
+    ),
+    Case("noise", "A box passing through the grid, or moving with it: noise of its lift", check_noise, 1.0, slow=True),
+)
