@@ -20,9 +20,7 @@ def main() -> None:
     """Print one row a water and model."""
     vehicle, soil = amphibious_vehicle(), Soil.published("LETE sand")
     simulate(vehicle, soil, WATERS["D60/U1"], duration=0.1)  # compile
-    print(
-        "| water | model | fast | fine | path | end apart | of the path | yaw apart |\n|---|---|---|---|---|---|---|---|"
-    )
+    print("| water | model | fast | fine | path | end apart | of the path | yaw apart |\n" + 8 * "|---" + "|")
     for name, water in WATERS.items():
         for model in ("none",) if water is None else ("networks", "coefficients"):
             runs = {s: simulate(vehicle, soil, water, hydrodynamics=model, setting=s) for s in SETTINGS}
@@ -31,9 +29,10 @@ def main() -> None:
             walls = {s: float(run.attrs["wall_time"]) for s, run in runs.items()}
             path = np.hypot(*np.diff(runs["fine"]["position"].sel(body="hull").values[:, :2], axis=0).T).sum()
             apart = float(np.hypot(*(ends["fast"] - ends["fine"])))
+            turned = math.degrees(abs(yaws["fast"] - yaws["fine"]))
             print(
                 f"| {name} | {model} | {walls['fast']:.1f} s | {walls['fine']:.1f} s | {path:.2f} m "
-                f"| {1e3 * apart:.1f} mm | {100 * apart / path:.2f} % | {math.degrees(abs(yaws['fast'] - yaws['fine'])):.2f} deg |"
+                f"| {1e3 * apart:.1f} mm | {100 * apart / path:.2f} % | {turned:.2f} deg |"
             )
 
 

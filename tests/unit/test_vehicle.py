@@ -293,7 +293,7 @@ def test_bad_value_in_a_file_is_named(tmp_path):
         load_vehicle(write(tmp_path, text))
 
 
-# The hull seen from the side -------------------------------------------------------------------------------------------
+# -- the hull seen from the side ---------------------------------------------------------------------------------------
 
 
 def profile_area(corners):
