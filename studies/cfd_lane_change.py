@@ -50,9 +50,15 @@ def simple_runs() -> dict[str, xr.Dataset]:
     """Runs without the flow in the loop: no water, and D60/U1 with the coefficient model."""
     vehicle, soil = amphibious_vehicle(), Soil.published(SOIL)
     return {
-        "no water": simulate(vehicle, soil, None, lane_change(), record_step=1e-3),
+        "no water": simulate(vehicle, soil, None, lane_change(), setting="fine", record_step=1e-3),
         "D60/U1, coefficients": simulate(
-            vehicle, soil, WORST.scenario.water(vehicle), WORST.scenario.maneuver(), record_step=1e-3
+            vehicle,
+            soil,
+            WORST.scenario.water(vehicle),
+            WORST.scenario.maneuver(),
+            "coefficients",
+            setting="fine",
+            record_step=1e-3,
         ),
     }
 
@@ -245,7 +251,8 @@ def main(quick: bool = False, jobs: int = 2, present_only: bool = False) -> xr.D
         water = {"no water": None, "D60/U0": 0.0, "D60/U1": 1.0}
         runs = {
             name: simulate(
-                vehicle, soil, None if speed is None else Scenario(0.6, speed).water(vehicle), lane_change(), **steps
+                vehicle, soil, None if speed is None else Scenario(0.6, speed).water(vehicle), lane_change(),
+                "coefficients", **steps
             )
             for name, speed in water.items()
         }  # fmt: skip

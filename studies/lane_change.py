@@ -27,9 +27,11 @@ SCENARIOS = {
 def main(quick: bool = False) -> xr.Dataset:
     """Run all scenarios; return their key figures by scenario (see `exumob.summary`)."""
     vehicle, soil = amphibious_vehicle(), Soil.published("LETE sand")
-    steps = {"micro_step": 5e-4, "macro_step": 20e-3} if quick else {"micro_step": 1e-4, "macro_step": 1e-3}
+    setting = "fast" if quick else "fine"
     names = ("no water", "D60/U0", "D60/U1") if quick else tuple(SCENARIOS)
-    runs = {name: simulate(vehicle, soil, SCENARIOS[name], lane_change(), **steps) for name in names}
+    runs = {
+        name: simulate(vehicle, soil, SCENARIOS[name], lane_change(), "coefficients", setting=setting) for name in names
+    }
     if not quick:
         save({"lane_change.png": compare_runs(runs)})
     table = [summary(run) for run in runs.values()]

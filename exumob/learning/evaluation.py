@@ -25,10 +25,8 @@ from exumob.water.hydrodynamics import Hydrodynamics
 
 logger = logging.getLogger(__name__)
 
-FAST = {"micro_step": 5e-4, "macro_step": 20e-3}
+FAST = {"setting": "fast"}
 """The paper's fast setting (Sec. 5.3)."""
-FINE = {"micro_step": 1e-4, "macro_step": 1e-3}
-"""Its first setting, that of the CFD-MBD runs."""
 THINNING = 4
 """Interval at which loads are compared, in samples of 1 ms."""
 

@@ -105,8 +105,8 @@ class FlowRun:
         )  # fmt: skip
         result = simulate(
             vehicle, Soil.published(SOIL), water, self.scenario.maneuver(), CfdHydrodynamics(flow, progress=progress),
-            duration=self.duration, macro_step=self.macro_step, record_step=1e-3, checkpoint=work / f"{self.name}.npz",
-            resume=True, progress=progress,
+            duration=self.duration, setting="fine", macro_step=self.macro_step, record_step=1e-3,
+            checkpoint=work / f"{self.name}.npz", resume=True, progress=progress,
         )  # fmt: skip
         return save_dataset(result.assign_attrs(scenario=self.scenario.name), whole)
 

@@ -32,8 +32,8 @@ def vehicle_run(scheme: Coupling, macro_step: float, cell_size: float = 0.04) ->
     try:
         return simulate(
             paper_vehicle(), Soil.published("LETE sand"), Water.at_ratio(0.6, 1.0), maneuver,
-            CfdHydrodynamics(cell_size=cell_size, allow_coarse=True), duration=0.4, macro_step=macro_step,
-            record_step=5e-3, coupling=scheme,
+            CfdHydrodynamics(cell_size=cell_size, allow_coarse=True), duration=0.4, setting="fine",
+            macro_step=macro_step, record_step=5e-3, coupling=scheme,
         )  # fmt: skip
     except SimulationError as error:
         if error.result is None:
