@@ -8,9 +8,7 @@ from pathlib import Path
 import numba_cache
 
 ROOT = Path(__file__).parents[1]
-os.environ.setdefault(
-    "OPENBLAS_NUM_THREADS", "1"
-)  # matrices are small: threads that wait for each other take 8 x longer
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small: threads that wait for each other cost more
 if "NUMBA_CACHE_DIR" not in os.environ:  # Numba reads it when imported; processes that tests start inherit it
     numba_cache.prepare(ROOT / ".numba_cache", ROOT / "exumob")
     os.environ["NUMBA_CACHE_DIR"] = str(ROOT / ".numba_cache")
@@ -24,20 +22,27 @@ from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 
 
-@pytest.hookimpl(tryfirst=True)
+def of_flow(path):
+    """Whether a file's tests need the flow's kernels, which take minutes to compile."""
+    return path.startswith(("tests/physics/test_flow", "tests/physics/test_captive"))
+
+
 def pytest_collection_modifyitems(items):
-    """Divide the tests among processes by files, and keep the flow's together: its kernels take minutes to compile.
+    """The flow's tests come first: the other process does the rest in the meantime."""
+    items.sort(key=lambda item: not of_flow(item.nodeid))
 
-    They come first, so that the other process does the rest in the meantime. Studies share nothing: one by one.
-    """
 
-    def of_flow(item):
-        return item.path.parent.name == "physics" and item.path.stem.startswith(("test_flow", "test_captive"))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Tests are divided among processes by files, which share fixtures; all of the flow's go to one, studies singly."""
+    from xdist.scheduler import LoadScopeScheduling
 
-    items.sort(key=lambda item: not of_flow(item))
-    for item in items:
-        if item.path.stem != "test_studies":
-            item.add_marker(pytest.mark.xdist_group("flow" if of_flow(item) else item.path.stem))
+    class ByCost(LoadScopeScheduling):
+        def _split_scope(self, nodeid):
+            path = nodeid.split("::")[0]
+            return "flow" if of_flow(path) else nodeid if path == "tests/runs/test_studies.py" else path
+
+    return ByCost(config, log)
 
 
 COARSE = {"micro_step": 5e-4, "macro_step": 20e-3}

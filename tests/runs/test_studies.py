@@ -38,12 +38,14 @@ def test_lane_change_study_shows_what_water_does():
 
 
 def test_captive_resistance_study_grows_with_speed():
-    """Twice the speed: the hull's resistance grows, and both hull and wheels are held back from the start."""
+    """Twice the speed, 2.7 times the resistance after 0.4 s on coarse cells, of the hull and of the wheels."""
     study = load_study("captive_resistance")
     result = study.main(quick=True)
     drag = result["resistance"]
-    assert bool((drag > 0.0).all())
-    assert float(drag.sel(part="vehicle", froude=1.0)) > 2.0 * float(drag.sel(part="vehicle", froude=0.5))
+    for part, found in (("hull", (7.7, 19.6)), ("front wheel", (3.16, 8.72)), ("rear wheel", (2.59, 7.09))):
+        assert drag.sel(part=part, froude=[0.5, 1.0]).values == pytest.approx(found, rel=0.03), part
+    parts = drag.sel(part="hull") + 2.0 * (drag.sel(part="front wheel") + drag.sel(part="rear wheel"))
+    assert drag.sel(part="vehicle").values == pytest.approx(parts.values)
     assert study.plot(result).axes
 
 
@@ -95,11 +97,11 @@ def test_shipped_networks_reproduce_a_training_run():
 
 
 def test_computational_time_study_measures_time_and_error():
-    """50 ms instead of 20 ms is no slower by more than chance and moves the end by less than 2 % of 2.8 m."""
+    """50 ms instead of 20 ms moves the end by 8 mm of 2.8 m; 12 mm allowed."""
     result = load_study("computational_time").main(quick=True).squeeze()
     assert result.sizes == {"macro": 2}
     assert float(result["wall_time"].min()) > 0.0
-    assert float(result["step_error"][0]) == 0.0 and 0.0 < float(result["step_error"][1]) < 56.0
+    assert float(result["step_error"][0]) == 0.0 and 0.0 < float(result["step_error"][1]) < 12.0
 
 
 def test_ablation_study_pairs_seeds_and_measures_memory():
@@ -146,8 +148,10 @@ def test_mobility_map_study_goes_in_calm_and_not_in_fast_water(tmp_path):
 def test_tuned_driver_holds_the_line_better_than_an_open_loop(tmp_path):
     result = load_study("path_following").main(quick=True, folder=tmp_path).squeeze("water")
     off = result["rms_mm"]
-    assert float(off.sel(driver="tuned")) < 0.5 * float(off.sel(driver="open loop"))
-    assert abs(float(result["end_yaw_deg"].sel(driver="tuned"))) < 25.0
+    assert float(off.sel(driver="tuned")) < 0.4 * float(off.sel(driver="open loop"))  # 9.1 of 25.8 mm
+    assert float(off.sel(driver="tuned")) < 0.9 * float(off.sel(driver="as shipped"))  # of 10.8 mm
+    assert float(result["end_mm"].sel(driver="tuned")) < 10.0  # 8.6 mm; open loop 78 mm
+    assert float(result["end_yaw_deg"].sel(driver="tuned")) == pytest.approx(16.2, abs=1.0)  # amidst the line
 
 
 def test_active_learning_study_follows_its_orders(tmp_path):

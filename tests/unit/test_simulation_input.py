@@ -261,16 +261,21 @@ def test_soil_that_does_not_carry_the_vehicle(vehicle, sand):
         simulate(vehicle, mud, **STEPS)
 
 
+TOO_SOFT = {"Sandy loam 32 %", "Snow (US)", "Snow (Harrison)", "Snow (Sweden)"}
+"""On which the wheels sink to their centres under the vehicle's weight."""
+
+
 @pytest.mark.parametrize("name", [row.name for row in Soil.published_table()])
-def test_every_published_soil_runs_or_says_why(vehicle, name):
-    """All 23 are selectable (design): a run of 60 ms either completes or ends in a SimulationError with a remedy."""
-    try:
-        run = simulate(vehicle, Soil.published(name), duration=0.06, micro_step=1e-3, macro_step=20e-3)
-    except SimulationError as error:
-        assert "firmer soil" in str(error)
-    else:
-        assert run.attrs["status"] == "completed"
-        assert float(run["sinkage"].max()) < 0.1
+def test_every_published_soil_carries_the_vehicle_or_is_too_soft(vehicle, name):
+    """All 23 are selectable (design): a run of 60 ms completes, or ends in a SimulationError with a remedy."""
+    soil, steps = Soil.published(name), {"duration": 0.06, "micro_step": 1e-3, "macro_step": 20e-3}
+    if name in TOO_SOFT:
+        with pytest.raises(SimulationError, match=r"sunk to its centre.*firmer soil"):
+            simulate(vehicle, soil, **steps)
+        return
+    run = simulate(vehicle, soil, **steps)
+    assert run.attrs["status"] == "completed"
+    assert float(run["sinkage"].max()) < 0.08
 
 
 def test_load_that_is_not_finite(vehicle, sand):
