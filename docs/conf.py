@@ -1,5 +1,6 @@
 """Configuration of the documentation: `sphinx-build -W --keep-going -b html docs docs/_build/html`."""
 
+import importlib
 import os
 import re
 import subprocess
@@ -136,22 +137,39 @@ def forget_moved_modules(app):
             page.unlink()
 
 
+def exported_names(app):
+    """Write the tables of what packages export, with links to the modules where that is defined."""
+    for package in ("exumob", "exumob.towing_tank", "exumob.flow", "exumob.sweeps"):
+        module = importlib.import_module(package)
+        objects = [getattr(module, name) for name in module.__all__]
+        names = [f"   ~{thing.__module__}.{thing.__qualname__}" for thing in objects]
+        write_if_changed(
+            f"exported_{package}.md", "\n".join(["```{eval-rst}", ".. autosummary::", "", *names, "```", ""])
+        )
+
+
+def write_if_changed(name, text):
+    """Write a generated page, but only where it is new, so that sphinx reads again only what has changed."""
+    target = HERE / "_generated" / name
+    target.parent.mkdir(exist_ok=True)
+    if not target.exists() or target.read_text() != text:
+        target.write_text(text)
+
+
 def command_line_reference(app):
     """Write the pages of all commands as typer gives them, so that they are those of the program."""
-    target = HERE / "_generated" / "commands.md"
-    target.parent.mkdir(exist_ok=True)
     call = [sys.executable, "-m", "typer", "exumob.__main__", "utils", "docs", "--name", "exumob"]
     found = subprocess.run(
         call, capture_output=True, text=True, check=True, cwd=HERE.parent, env=os.environ | {"NO_COLOR": "1"}
     )  # fmt: skip
     text = found.stdout.partition("\n")[2]  # the page has its own title
-    if not target.exists() or target.read_text() != text:
-        target.write_text(text)
+    write_if_changed("commands.md", text)
 
 
 def setup(app):
     """Docstrings are mended before napoleon, which has the priority 500, reads them."""
     app.connect("config-inited", lambda app, config: forget_moved_modules(app))
     app.connect("builder-inited", command_line_reference)
+    app.connect("builder-inited", exported_names)
     app.connect("include-read", repository_links)
     app.connect("autodoc-process-docstring", plain_docstrings, priority=400)
