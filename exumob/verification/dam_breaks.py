@@ -149,7 +149,7 @@ def box_pressures(cell_size: float, until: float = IMPULSE_END) -> tuple[Array, 
     time : array, shape (n,)
         t sqrt(g / H) [-]
     pressures : dict
-        As read.
+        Pressures as read, over probe and height.
     at_face : dict
         Extrapolated to the face from the two cells before it, where both are wet.
     """

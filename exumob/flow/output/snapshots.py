@@ -1,8 +1,7 @@
-"""The free surface at instants of a run: what pictures and animations are made from."""
+"""Snapshots: the free surface at instants of a run, from which pictures and animations are made."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,10 +12,11 @@ from exumob.flow.grid import HALO, Grid
 from exumob.flow.solids import Poses
 from exumob.flow.solver import FlowSolver
 from exumob.support.arrays import Array
+from exumob.support.rotations import about_z
 from exumob.vehicle.motion import BODIES, quaternions
 
 SNAPSHOT_VARIABLES = ("elevation", "frame", "snapshot_position", "snapshot_quaternion")
-"""Of `snapshots_dataset`."""
+"""Names of the variables of `snapshots_dataset`."""
 
 
 @dataclass(frozen=True)
@@ -26,23 +26,23 @@ class Snapshot:
     time: float
     """[s]"""
     elevation: Array
-    """Of `surface_elevation` [m], shape (ny, nx)"""
+    """Free surface above the still level [m], shape (ny, nx); see `surface_elevation`"""
     frame: Array
     """Origin x, y [m] and heading [rad] of the grid in world axes"""
     position: Array
-    """Of the bodies' origins, grid axes [m], shape (n, 3)"""
+    """Positions of the bodies' origins, grid axes [m], shape (n, 3)"""
     rotation: Array
-    """Body to grid axes, shape (n, 3, 3)"""
+    """Rotation matrices, body to grid axes, shape (n, 3, 3)"""
 
     @classmethod
     def of(cls, solver: FlowSolver, poses: Poses) -> Snapshot:
-        """What the solver holds now, with the solids at `poses`."""
+        """Take a snapshot of what the solver holds now, with the solids at `poses`."""
         frame = solver.frame
         return cls(solver.time, surface_elevation(solver), frame, *in_grid_axes(poses, frame))
 
 
 def snapshots_dataset(grid: Grid, snapshots: Sequence[Snapshot]) -> xr.Dataset:
-    """Snapshots of the vehicle's run as ``elevation`` (snapshot, y, x), ``frame``, ``snapshot_position`` and so on."""
+    """Return the snapshots of a vehicle's run as a Dataset of `SNAPSHOT_VARIABLES`."""
     m = grid.metrics
     y, x = m.yc[HALO:-HALO], m.xc[HALO:-HALO]
     text = "free surface above the still level; NaN where a solid pierces it"
@@ -80,8 +80,7 @@ def snapshots_dataset(grid: Grid, snapshots: Sequence[Snapshot]) -> xr.Dataset:
 
 def in_grid_axes(poses: Poses, frame: Array) -> tuple[Array, Array]:
     """Positions [m], shape (n, 3), and rotations, shape (n, 3, 3), in the axes of a grid at `frame` (x, y, heading)."""
-    c, s = math.cos(frame[2]), math.sin(frame[2])
-    back = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    back = about_z(frame[2]).T
     return (poses.position - np.array([frame[0], frame[1], 0.0])) @ back.T, back @ poses.rotation
 
 
