@@ -161,7 +161,7 @@ def print_cases(cases: Sequence[Case]) -> None:
         console.print(f"\n[bold]{question}[/bold]", highlight=False)
         table = Table.grid(padding=(0, 2, 0, 0))
         for column in ({"width": width}, {"width": 6, "justify": "right"}, {"width": 4}, {}):
-            table.add_column(**column)  # type: ignore[arg-type]
+            table.add_column(**column)
         for case in group:
             took = f"{case.minutes:.0f} min" if case.minutes >= 1.0 else f"{60.0 * case.minutes:.0f} s"
             table.add_row(case.name, took, "slow" if case.slow else "", case.about)
