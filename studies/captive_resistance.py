@@ -29,7 +29,7 @@ FIGURES = Path(__file__).parent / "figures"
 
 
 def main(quick: bool = False) -> xr.Dataset:
-    """Tow at every speed; return resistance [N], coefficients, lift [N] and trim [N m] over depth Froude number."""
+    """Return resistance [N], coefficients, lift [N] and trim [N m] of the towed vehicle over depth Froude number."""
     how = {"cell_size": 0.04, "duration": 0.4, "interval": 0.002, "allow_coarse": True} if quick else {
         "cell_size": 0.022, "duration": 3.5, "interval": 0.001, "allow_coarse": True
     }  # fmt: skip

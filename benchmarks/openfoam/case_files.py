@@ -12,12 +12,12 @@ from situations import Situation
 WATER_VISCOSITY, AIR_VISCOSITY, WATER_DENSITY, AIR_DENSITY = 1.0e-6, 1.48e-5, 1000.0, 1.2
 """[m^2/s], [kg/m^3]"""
 GRAVITY = 9.81
-"""[m/s^2], as in `exumob.ground.soil`"""
+"""[m/s^2], as `exumob.support.constants.GRAVITY`"""
 TURBULENCE = ("kOmegaSST", "laminar", "Smagorinsky")
 INTENSITY = 0.01
-"""Of the turbulence in the undisturbed flow [-]."""
+"""Turbulence intensity of the undisturbed flow [-]."""
 VISCOSITY_RATIO = 5.0
-"""Eddy over molecular viscosity there [-]."""
+"""Eddy over molecular viscosity of the undisturbed flow [-]."""
 COURANT = 0.5
 """Largest Courant number, of the water's surface too [-]."""
 PROFILE_STEPS = 20
@@ -28,7 +28,7 @@ BODY = "body"
 def case_files(
     situation: Situation, turbulence: str, ranks: int, duration: float, *, steps: int | None = None
 ) -> dict[str, str]:
-    """All files of the case, path -> text.
+    """Return all files of the case, path -> text.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def vector(values: Iterable[float]) -> str:
 
 
 def block_mesh(situation: Situation) -> str:
-    """One block over the window, each cell a section of its own: exactly the faces that our grid has."""
+    """One block over the window, each cell a section of its own: exactly the faces of exumob's grid."""
     faces = situation.faces()
     corners = [
         (faces[0][i], faces[1][j], faces[2][k])
@@ -184,7 +184,7 @@ def field(dimensions: str, internal: str, **patches: str) -> str:
 
 
 def fields(situation: Situation, turbulence: str) -> dict[str, str]:
-    """Fields at t = 0: water and air move with the current everywhere, as in our start."""
+    """Fields at t = 0: water and air move with the current everywhere, as when exumob starts."""
     current = vector((-situation.current, 0.0, 0.0))
     wall = "noSlip;" if turbulence != "laminar" else "slip;"
     out = "type inletOutlet; inletValue $internalField; value $internalField;"
@@ -245,7 +245,7 @@ def turbulence_properties(turbulence: str) -> str:
         return "simulationType laminar;\n"
     if turbulence == "kOmegaSST":
         return "simulationType RAS;\nRAS { RASModel kOmegaSST; turbulence on; printCoeffs on; }\n"
-    return (  # (C_s)^2 = C_k sqrt(C_k / C_e); C_s = 0.1 as in ours
+    return (  # (C_s)^2 = C_k sqrt(C_k / C_e); C_s = 0.1 as in exumob
         "simulationType LES;\nLES\n{\n  LESModel Smagorinsky; turbulence on; printCoeffs on; delta cubeRootVol;\n"
         "  SmagorinskyCoeffs { Ck 0.0472; Ce 1.05; }\n  cubeRootVolCoeffs { deltaCoeff 1; }\n}\n"
     )

@@ -1,4 +1,4 @@
-"""Our flow solver beside OpenFOAM's interFoam: the same body, water and grid; loads and cost.
+"""The flow solver of exumob beside OpenFOAM's interFoam: the same body, water and grid; loads and cost.
 
 Run: `python benchmarks/openfoam/compare.py --work DIR [--case box-0.5 ...]`; see README.md beside this file. Without
 OpenFOAM it says so and ends. The folder DIR keeps the runs of interFoam: finished ones are read again, those cut off
@@ -33,20 +33,20 @@ from exumob.simulation.results import provenance
 from exumob.water.conditions import Water
 
 INTERVAL = 0.005
-"""Between records of our loads [s]; steps within are as long as the Courant number allows."""
+"""Interval between records of exumob's loads [s]; steps within are as long as the Courant number allows."""
 SAMPLE = 0.01
-"""Of the common time axis [s]."""
+"""Step of the common time axis [s]."""
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 SOLVERS = ("exumob", "interFoam")
 COST_STEPS, COST_SKIP = 60, 20
 """Steps of a cost run, and how many of the first do not count: the start costs both more."""
 
 
-# -- our solver -------------------------------------------------------------------------------------------------------
+# -- exumob -----------------------------------------------------------------------------------------------------------
 
 
 def start(situation: Situation, threads: int) -> FlowSolver:
-    """Our solver on the grid of the situation, at the instant when the current starts."""
+    """Start exumob's solver on the grid of the situation, at the instant when the current starts."""
     solid = box(*situation.size, friction=HULL_FRICTION)
     settings = FlowSettings(follow=None, far_x=True, far_y=False, threads=threads)
     water = Water(situation.depth, situation.current, density=WATER_DENSITY)
@@ -55,8 +55,8 @@ def start(situation: Situation, threads: int) -> FlowSolver:
     return solver
 
 
-def run_ours(situation: Situation, threads: int) -> interfoam.Run:
-    """Compute a situation with our solver."""
+def run_exumob(situation: Situation, threads: int) -> interfoam.Run:
+    """Compute a situation with exumob's solver."""
     solver = start(situation, threads)
     times, total, shear, profile, profile_times = [], [], [], [], []
     x = 0.5 * (solver.grid.x_faces[:-1] + solver.grid.x_faces[1:])
@@ -80,8 +80,8 @@ def run_ours(situation: Situation, threads: int) -> interfoam.Run:
     )  # fmt: skip
 
 
-def cost_ours(situation: Situation, threads: int) -> interfoam.Run:
-    """Cost of our solver over the same number of steps of the same length."""
+def cost_exumob(situation: Situation, threads: int) -> interfoam.Run:
+    """Measure the cost of exumob's solver over the same number of steps of the same length."""
     solver = start(situation, threads)
     dt = 0.25 * solver.grid.smallest_width / situation.current
     walls, cpus, iterations = [], [], []
@@ -103,7 +103,7 @@ def cost_ours(situation: Situation, threads: int) -> interfoam.Run:
 
 
 def dataset(situation: Situation, runs: Sequence[interfoam.Run], turbulence: str, ranks: int) -> xr.Dataset:
-    """Both runs on one time axis, and the profiles of the surface as means after the start."""
+    """Put both runs on one time axis, and the profiles of the surface as means after the start."""
     end = min(situation.duration, *(r.time[-1] for r in runs))
     t = np.arange(SAMPLE, end, SAMPLE)
     loads = np.stack(
@@ -134,7 +134,7 @@ def dataset(situation: Situation, runs: Sequence[interfoam.Run], turbulence: str
 
 
 def rows(situation: Situation, data: xr.Dataset) -> list[tuple[str, float, float, float]]:
-    """Quantity, ours, interFoam's, difference in per cent of interFoam's."""
+    """Return rows of quantity, exumob's value, interFoam's, difference in per cent of interFoam's."""
     late = data.sel(time=slice(situation.settled, None))
     drag = -late["loads"].sel(component="Fx")
     result = [("drag [N]", *drag.mean("time").values)]
@@ -158,34 +158,34 @@ def rows(situation: Situation, data: xr.Dataset) -> list[tuple[str, float, float
 
 
 def buoyancy(situation: Situation) -> float:
-    """Of a box in still water [N]."""
+    """Buoyancy of the body in still water [N]; it is a box."""
     return WATER_DENSITY * GRAVITY * situation.size[0] * situation.size[1] * (situation.depth - situation.bottom)
 
 
 def table(situation: Situation, data: xr.Dataset) -> str:
-    """Markdown table of the means after the start."""
+    """Return a Markdown table of the means after the start."""
     lines = [f"| {situation.about} | exumob | interFoam | difference |", "|---|---:|---:|---:|"]
-    for name, ours, theirs, difference in rows(situation, data):
+    for name, here, there, difference in rows(situation, data):
         apart = f"{difference:+.1f} %" if abs(difference) < 300.0 else "-"  # of next to nothing
-        lines.append(f"| {name} | {ours:.3f} | {theirs:.3f} | {apart} |")
+        lines.append(f"| {name} | {here:.3f} | {there:.3f} | {apart} |")
     return "\n".join(lines)
 
 
 def cost_line(situation: Situation, runs: Sequence[interfoam.Run], threads: int, ranks: int) -> str:
-    """Cost per cell and step of both, wall clock and processor time, and the ratio."""
-    ours, theirs = runs
+    """Return the cost per cell and step of both, wall clock and processor time, and the ratio."""
+    own, other = runs
     each = [(1e9 * r.wall / r.cells, 1e9 * r.cpu / r.cells) for r in runs]
     return (
-        f"{situation.name}: {ours.cells} cells; exumob {1e3 * ours.wall:.1f} ms a step ({each[0][0]:.0f} ns a cell and "
-        f"step, {threads} threads, {ours.iterations:.1f} pressure iterations), interFoam {1e3 * theirs.wall:.1f} ms "
-        f"({each[1][0]:.0f} ns, {ranks} ranks, {theirs.iterations:.1f}): interFoam / exumob = "
+        f"{situation.name}: {own.cells} cells; exumob {1e3 * own.wall:.1f} ms a step ({each[0][0]:.0f} ns a cell and "
+        f"step, {threads} threads, {own.iterations:.1f} pressure iterations), interFoam {1e3 * other.wall:.1f} ms "
+        f"({each[1][0]:.0f} ns, {ranks} ranks, {other.iterations:.1f}): interFoam / exumob = "
         f"{each[1][0] / each[0][0]:.1f} by the wall clock, {each[1][1] / each[0][1]:.1f} by processor time of one "
         "thread or rank"
     )
 
 
 def figure(situation: Situation, data: xr.Dataset, path: Path) -> None:
-    """Histories of the loads and the mean profile of the surface."""
+    """Draw the histories of the loads and the mean profile of the surface."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -214,9 +214,9 @@ def figure(situation: Situation, data: xr.Dataset, path: Path) -> None:
 
 def compare(situation: Situation, turbulence: str, ranks: int, threads: int, work: Path) -> xr.Dataset:
     """Run both, print and save loads and cost."""
-    theirs = interfoam.run(situation, turbulence, ranks, work)
-    print(f"{situation.name}: interFoam done ({theirs.cells} cells, {theirs.steps} steps)", flush=True)
-    runs = run_ours(situation, threads), theirs
+    interfoam_run = interfoam.run(situation, turbulence, ranks, work)
+    print(f"{situation.name}: interFoam done ({interfoam_run.cells} cells, {interfoam_run.steps} steps)", flush=True)
+    runs = run_exumob(situation, threads), interfoam_run
     data = dataset(situation, runs, turbulence, ranks)
     stem = f"{situation.name}-{round(1e4 * situation.cell_size)}-{turbulence}"
     save_dataset(data, work / f"{stem}.nc")
@@ -227,7 +227,7 @@ def compare(situation: Situation, turbulence: str, ranks: int, threads: int, wor
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
-    """Command line."""
+    """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--case", nargs="+", choices=list(SITUATIONS), default=list(SITUATIONS), help="situations")
     parser.add_argument("--work", type=Path, required=True, help="folder for the runs, outside the repository")
@@ -237,7 +237,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--duration", type=float, help="time computed [s]; means over the second half")
     parser.add_argument("--turbulence", choices=TURBULENCE, default=TURBULENCE[0], help="interFoam's model")
     parser.add_argument("--ranks", type=int, default=1, help="processes of interFoam")
-    parser.add_argument("--threads", type=int, default=1, help="threads of ours")
+    parser.add_argument("--threads", type=int, default=1, help="threads of exumob")
     parser.add_argument("--only-cost", action="store_true", help=f"{COST_STEPS} steps of both, no loads")
     return parser.parse_args(argv)
 
@@ -259,10 +259,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         if options.cells:
             situation = situation.with_cells(options.cells)
         if options.only_cost:
-            theirs = interfoam.run(
+            interfoam_run = interfoam.run(
                 situation, options.turbulence, options.ranks, options.work, steps=COST_STEPS, skip=COST_SKIP
             )
-            print(cost_line(situation, (cost_ours(situation, options.threads), theirs), options.threads, options.ranks))
+            print(
+                cost_line(
+                    situation, (cost_exumob(situation, options.threads), interfoam_run), options.threads, options.ranks
+                )
+            )
         else:
             compare(situation, options.turbulence, options.ranks, options.threads, options.work)
     return 0

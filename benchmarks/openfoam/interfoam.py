@@ -16,7 +16,7 @@ from case_files import case_files, profile_points, write_case
 from situations import Situation
 
 DEBIAN_FOLDER = Path("/usr/share/openfoam")
-"""Where Debian's package keeps etc/."""
+"""Folder in which Debian's package keeps etc/."""
 PROGRAMS = "blockMesh topoSet subsetMesh setFields checkMesh decomposePar interFoam".split()
 
 
@@ -26,7 +26,7 @@ class OpenFoamError(RuntimeError):
 
 @dataclass(frozen=True)
 class Run:
-    """What a run gave.
+    """Result of a run, of either solver.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def missing() -> str:
 
 
 def environment() -> dict[str, str]:
-    """Of the programs: WM_PROJECT_DIR must name the folder with etc/; mpirun does not run as root unasked."""
+    """Return the environment of the programs: WM_PROJECT_DIR names the folder with etc/, mpirun may run as root."""
     result = dict(os.environ)
     result.setdefault("WM_PROJECT_DIR", str(DEBIAN_FOLDER))
     result.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
@@ -120,7 +120,7 @@ def run(
         Processes.
     work : Path
     steps, skip : int
-        For the cost alone: steps, and how many of the first do not count. Always computed anew.
+        Steps of a run for the cost alone, and how many of the first do not count. It is always computed anew.
     """
     name = f"{situation.name}-{round(1e4 * situation.cell_size)}-{turbulence}" + ("-cost" if steps else "")
     folder = work / name

@@ -21,13 +21,13 @@ class Situation:
     Parameters
     ----------
     name, about : str
-        For the command line and the table.
+        Name for the command line, title for the table.
     size : tuple of 3 floats
         Edges of the body along x, y, z [m]; it is a box, cut out of the grid along cell faces.
     center : tuple of 3 floats
-        Of the body, and reference point of the moments [m]; the bed is at z = 0.
+        Centre of the body, and reference point of the moments [m]; the bed is at z = 0.
     depth, current : float
-        Of the still water [m], of the undisturbed flow [m/s].
+        Depth of the still water [m], speed of the undisturbed flow [m/s].
     low, high : tuple of 3 floats
         Corners of the window [m].
     margin : tuple of 4 floats
@@ -70,7 +70,7 @@ class Situation:
 
     @property
     def bottom(self) -> float:
-        """Of the body [m]."""
+        """Height of the body's lower side above the bed [m]."""
         return self.center[2] - 0.5 * self.size[2]
 
     def faces(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -90,7 +90,7 @@ class Situation:
         return math.prod(len(f) - 1 for f in self.faces())
 
     def with_cells(self, cells: int) -> Situation:
-        """The same with a cell size that gives about this many cells."""
+        """Return the same situation with a cell size that gives about this many cells."""
         sizes = np.geomspace(0.2, 5.0, 120) * self.cell_size
         sizes = sizes[sizes <= min(self.size[:2]) / 3.0]
         counts = np.array([replace(self, cell_size=float(s)).n_cells for s in sizes])

@@ -31,9 +31,9 @@ def sphere_added_mass(cells: float, place: Sequence[float] = (0.0, 0.0, 0.0)) ->
     Parameters
     ----------
     cells : float
-        Cells to the radius [-].
+        Number of cells to the radius [-].
     place : sequence of 3 float
-        Of the centre within a cell [cells].
+        Place of the centre within a cell [cells].
     """
     radius, reach = 0.1, 0.9
     size = radius / cells
@@ -84,15 +84,15 @@ def surface_added_mass(solid: Solid, half_width: float, draught: float, displace
     half_width : float
         Largest horizontal extent from the origin [m].
     draught : float
-        [m]
+        Depth of the solid's lowest point [m].
     displaced : float
-        Volume [m^3].
+        Volume of water displaced [m^3].
     cell_size : float
-        [m]
+        Cell size near the solid [m].
     depth : float
-        Of the basin [m]; its walls are six half widths away.
+        Depth of the basin [m]; its walls are six half widths away.
     shift : float
-        Of the level and the solid within a cell [cells].
+        Place of the level and the solid within a cell [cells].
     """
     reach, near = 6.0 * half_width, 1.5 * half_width
     air = 0.8 * half_width

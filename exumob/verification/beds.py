@@ -207,7 +207,7 @@ def seiche(bed: Callable[[Array], Array], level: float, length: float = 2.0) -> 
 
 
 def seiches() -> list[Check]:
-    """Over level beds at several places within a cell, and over a slope from 0.17 to 0.05 m of water."""
+    """First modes of basins over level beds, at several places in a cell, and over a slope (0.17 to 0.05 m deep)."""
     checks, level = [], 0.187
     for cells in (0.3, 0.5, 0.8):
         height = 0.02 * (1.0 + cells)

@@ -101,7 +101,7 @@ def check_free_fall(dt: float = 2e-3) -> list[Check]:
 # -- a box lighter than its added mass --------------------------------------------------------------------------------
 
 LIGHT_DRAUGHT, LIGHT_HEIGHT = 0.04, 0.10
-"""Of a flat box, 0.4 m by 0.3 m [m]: its added mass is about twice its mass."""
+"""Draught and height of a flat box, 0.4 m by 0.3 m [m]: its added mass is about twice its mass."""
 
 
 def light_box(cell_size: float) -> tuple[FreeBody, FlowSolver, float]:

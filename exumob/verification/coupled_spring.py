@@ -23,17 +23,20 @@ from exumob.verification.free_body import FreeBody
 
 
 class SpringWater:
-    """Water of a single number: mean of -k z - A z'' + weight over the step, the exact mean for cubic motion."""
+    """Water that is a single number, its added mass A.
+
+    Its force is the mean of -k z - A z'' + weight over the step, which is exact for cubic motion.
+    """
 
     def __init__(self, mass: float, stiffness: float, added_mass: float, offset: float) -> None:
         self.mass, self.stiffness, self.added_mass = mass, stiffness, added_mass
         self.state = 0.0, offset, 0.0
 
     def start(self, vehicle: object, water: object, macro_step: float) -> None:
-        """Nothing to prepare."""
+        """Do nothing: there is nothing to prepare."""
 
     def wrenches(self, history: BodyStates, predict: Callable[[], BodyStates]) -> Array:
-        """Mean wrench up to the predicted state, shape (1, 6)."""
+        """Return the mean wrench up to the predicted state, shape (1, 6)."""
         ahead = predict()
         time, z, speed = float(ahead.time[-1]), float(ahead.position[-1, 0, 2]), float(ahead.velocity[-1, 0, 2])
         before, z0, speed0 = self.state
@@ -44,7 +47,7 @@ class SpringWater:
         return np.array([[0.0, 0.0, force, 0.0, 0.0, 0.0]])
 
     def save(self, histories: bool = True) -> tuple[float, float, float]:
-        """Time, place and speed."""
+        """Return time, place and speed."""
         return self.state
 
     def restore(self, saved: tuple[float, float, float]) -> None:
@@ -52,7 +55,7 @@ class SpringWater:
         self.state = saved
 
     def record(self) -> dict[str, xr.DataArray]:
-        """Nothing."""
+        """Return nothing to record."""
         return {}
 
 

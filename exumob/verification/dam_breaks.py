@@ -17,7 +17,7 @@ from exumob.flow import FlowSolver, Grid, Poses, box
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.verification.check import Case, Check, absolute, relative, reported
-from exumob.verification.initial import VISCOUS_TANK
+from exumob.verification.initial import VISCOUS_TANK, centers
 from exumob.water.conditions import Water
 
 DATA = files("exumob.verification") / "data"
@@ -130,28 +130,14 @@ def fitted_faces(knots: list[float], cell_size: float) -> Array:
     return np.concatenate(parts)
 
 
-def box_pressures(cell_size: float, until: float = IMPULSE_END) -> tuple[Array, Pressures, Pressures]:
-    """SPHERIC test 2: pressure at the probes on the box's struck face.
-
-    The solver spreads a wall over about a cell, so the pressure is that of the first fully wet cells in front of the
-    face (their centres half a cell from it: the grid has faces on the box's sides), linear in the height, and 26 mm off
-    the middle as the probes are, to a cell.
-
-    Parameters
-    ----------
-    cell_size : float
-        [m]
-    until : float
-        t sqrt(g / H) at the end [-].
+def dam_break_solver(cell_size: float) -> tuple[FlowSolver, int, int]:
+    """Start SPHERIC test 2: the column of water behind the gate, the box before it.
 
     Returns
     -------
-    time : array, shape (n,)
-        t sqrt(g / H) [-]
-    pressures : dict
-        As read.
-    at_face : dict
-        Extrapolated to the face from the two cells before it, where both are wet.
+    FlowSolver, int, int
+        The solver, and indices along x and y of the fully wet cells in front of the struck face, 26 mm off the middle
+        as the probes are, to a cell.
     """
     length, width, tall, front = 0.161, 0.403, 0.161, 2.3955
     middle, under = 0.5, 0.4 * cell_size  # the box reaches into the bed, where the solver closes it
@@ -162,13 +148,38 @@ def box_pressures(cell_size: float, until: float = IMPULSE_END) -> tuple[Array, 
     )
     solver = FlowSolver(grid, (box(length, width, tall + under),), Water(1e-6), VISCOUS_TANK)
     solver.start(Poses.at_rest([[front + 0.5 * length, middle, 0.5 * (tall - under)]]))
-    size = float(grid.z_faces[1])
     share_x = np.clip((1.228 - grid.x_faces[:-1]) / np.diff(grid.x_faces), 0.0, 1.0)
-    share_z = np.clip((HEAD - grid.z_faces[:-1]) / size, 0.0, 1.0)
+    share_z = np.clip((HEAD - grid.z_faces[:-1]) / float(grid.z_faces[1]), 0.0, 1.0)
     solver.set_flow(fraction=np.ones(grid.shape) * share_z[None, :, None] * share_x[None, None, :])
     i = int(np.searchsorted(grid.x_faces, front - 1e-9)) - 1
     j = int(np.searchsorted(grid.y_faces, middle - 0.026)) - 1
-    z = 0.5 * (grid.z_faces[1:] + grid.z_faces[:-1])
+    return solver, i, j
+
+
+def box_pressures(cell_size: float, until: float = IMPULSE_END) -> tuple[Array, Pressures, Pressures]:
+    """Run SPHERIC test 2 and return the pressure at the probes on the box's struck face.
+
+    The solver spreads a wall over about a cell, so the pressure is that of the first fully wet cells in front of the
+    face (their centres half a cell from it: the grid has faces on the box's sides), linear in the height.
+
+    Parameters
+    ----------
+    cell_size : float
+        Cell size [m]; whole cells are fitted to the box.
+    until : float
+        End of the run, t sqrt(g / H) [-].
+
+    Returns
+    -------
+    time : array, shape (n,)
+        t sqrt(g / H) [-]
+    pressures : dict
+        Pressures as read, over probe and height.
+    at_face : dict
+        Pressures extrapolated to the face from the two cells before it, where both are wet.
+    """
+    solver, i, j = dam_break_solver(cell_size)
+    z = centers(solver.grid.z_faces)
     times, rows = [], []
     step, unit = 0.02, math.sqrt(HEAD / GRAVITY)
     for n in range(round(until / step)):

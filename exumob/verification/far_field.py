@@ -126,7 +126,7 @@ def waves() -> list[Check]:
 
 
 def waves_in_current() -> list[Check]:
-    """The same with and against a current."""
+    """Packets of waves with and against a current."""
     return [
         absolute(
             f"waves sent back, {length / OPEN.absorbing_width:.1f} zone widths long, "

@@ -21,7 +21,7 @@ from exumob.verification.single_body import one_pose
 from exumob.water.conditions import Water
 
 DEPTH, HEIGHT = 0.2, 0.04
-"""Of the water and of the hump on it [m]"""
+"""Depth of the water and height of the hump on it [m]"""
 SETTINGS = FlowSettings(follow=0, absorbing_width=0.3, closure=None, viscosity=0.0)
 """The grid follows a small sphere in the air, which touches no water."""
 

@@ -42,11 +42,11 @@ class FreeBody:
     mass : float
         [kg]
     inertia : array-like, shape (3,)
-        Principal, about the centre of mass, body axes [kg m^2].
+        Principal moments of inertia about the centre of mass, body axes [kg m^2].
     position : array-like, shape (3,)
-        Of the centre of mass at the start, at rest [m].
+        Position of the centre of mass at the start, at rest [m].
     pull : array-like, shape (3,)
-        Acceleration by forces from outside besides the weight, world axes [m/s^2].
+        Acceleration by outer forces other than the weight, world axes [m/s^2].
     """
 
     def __init__(self, mass: float, inertia: Any, position: Any, pull: Any = (0.0, 0.0, 0.0)) -> None:
@@ -62,15 +62,15 @@ class FreeBody:
 
     @property
     def history(self) -> BodyStates:
-        """The present only."""
+        """The states kept: the present only."""
         return self.present()
 
     def present(self) -> BodyStates:
-        """States now, one instant of one body."""
+        """Return the states now, one instant of one body."""
         return _states(self._now)
 
     def predict(self, step: float) -> BodyStates:
-        """States `step` [s] ahead: q + h v + h^2/2 a and v + h a, as `MultibodyVehicle.predict`."""
+        """Return the states `step` [s] ahead: q + h v + h^2/2 a and v + h a, as `MultibodyVehicle.predict`."""
         now = self._now
         return _states(
             _Instant(
@@ -99,7 +99,7 @@ class FreeBody:
         self._now = _Instant(end_time, x, r, v, w, a, turning)
 
     def save(self, histories: bool = True) -> _Instant:
-        """The present; it is never changed."""
+        """Return the present, which is never changed."""
         return self._now
 
     def restore(self, saved: _Instant) -> None:
@@ -114,7 +114,7 @@ class TankWater:
         self.solver = solver
 
     def start(self, vehicle: object, water: object, macro_step: float) -> None:
-        """Nothing: the solver has been started."""
+        """Do nothing: the solver has been started."""
 
     def wrenches(self, history: BodyStates, predict: Any) -> Array:
         """Advance the flow to the states that `predict` gives; mean loads over the step."""
@@ -122,7 +122,7 @@ class TankWater:
         return self.solver.advance(float(ahead.time[-1]), Poses.from_states(ahead))
 
     def save(self, histories: bool = True) -> dict[str, Any]:
-        """State of the flow."""
+        """Return the state of the flow."""
         return self.solver.save()
 
     def restore(self, saved: dict[str, Any]) -> None:
@@ -130,7 +130,7 @@ class TankWater:
         self.solver.restore(saved)
 
     def record(self) -> dict[str, xr.DataArray]:
-        """Nothing."""
+        """Return nothing to record."""
         return {}
 
 

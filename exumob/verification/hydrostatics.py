@@ -24,11 +24,11 @@ def hydrostatic_loads(height: float, shift: float, yaw: float, cell_size: float 
     Parameters
     ----------
     height, shift : float
-        Of the box's centre above the bed and along x [m].
+        Place of the box's centre above the bed and along x [m].
     yaw : float
         Heading [rad].
     cell_size : float
-        [m]
+        Cell size of the grid [m].
     """
     length, width, tall, depth = 0.5, 0.3, 0.2, 0.15
     grid = Grid.uniform((-0.5, -0.4, 0), (0.5, 0.4, 0.3), cell_size)

@@ -26,7 +26,7 @@ def momentum_gap(
     Parameters
     ----------
     height : float
-        Of the box's centre [m]; the water is 0.2 m deep, the box 0.12 m tall.
+        Height of the box's centre [m]; the water is 0.2 m deep, the box 0.12 m tall.
     sharp_edges : bool
         `FlowSettings.sharp_edges`.
     """

@@ -27,7 +27,7 @@ def plunge(shift: float = 0.0, dt: float = 2e-3, cell_size: float = 0.02) -> tup
     error : float
         Largest volume error over the tank's volume.
     buoyancy : float
-        At the end, on the mean level [N].
+        Buoyancy of the box at the end, on the mean level [N].
     """
     grid = Grid.uniform((-0.6, -0.5, 0), (0.6, 0.5, 0.4), cell_size)
     solver = FlowSolver(grid, (box(0.4, 0.3, 0.15),), Water(0.2), VISCOUS_TANK)

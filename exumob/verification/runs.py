@@ -70,7 +70,7 @@ def finished_run(
     Parameters
     ----------
     vehicle, water, motion
-        As for `captive_run`.
+        See `captive_run`.
     label : str
         Name of the run in the log, which says at every tenth of the run how far it is.
     options

@@ -31,7 +31,7 @@ from exumob.water.conditions import Water
 logger = logging.getLogger(__name__)
 
 LENGTH, BREADTH, DRAUGHT, DEPTH, TALL = 1.6, 0.2, 0.04, 0.12, 0.12
-"""Of the hull and the water, and the hull's height [m]"""
+"""Sizes of the hull, depth of the water, and height of the hull [m]"""
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """The prism is extruded along its y axis, which points up."""
 

@@ -1,4 +1,4 @@
-"""How far a computed number can be trusted: grid-convergence index and statistical uncertainty of a mean.
+"""How far can a computed number be trusted: grid-convergence index, and statistical uncertainty of a mean?
 
 Celik et al., "Procedure for estimation and reporting of uncertainty due to discretization in CFD applications",
 J. Fluids Eng. 130 (2008) 078001; Roache, J. Fluids Eng. 116 (1994) 405; Eca & Hoekstra, J. Comput. Phys. 262 (2014)
@@ -16,19 +16,19 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 FORMAL_ORDER = 2.0
-"""Of the scheme; an observed order beyond it is luck and is not used for the index."""
+"""Order of the scheme; an observed order beyond it is chance and is not used for the index."""
 LEAST_ORDER = 0.5
 """Below it the grids are too far from convergence for an extrapolation to mean anything."""
 SAFETY, CAUTIOUS = 1.25, 3.0
-"""Factors of safety: three grids that converge monotonically; anything else (then on the range of the values)."""
+"""Factors of safety [-]: three grids that converge monotonically; anything else (then on the range of the values)."""
 STEEPEST = 20.0
 
 
 class GridConvergence(NamedTuple):
-    """What three grids say."""
+    """Convergence of a number over three grids."""
 
     order: float
-    """Observed [-]; negative: the values diverge; NaN: the two finest or the two coarsest values are equal"""
+    """Observed order [-]; negative: the values diverge; NaN: the two finest or the two coarsest values are equal"""
     extrapolated: float
     """Value at cell size 0, in the unit of the values; NaN if they diverge"""
     gci: float
@@ -50,7 +50,7 @@ def grid_convergence(sizes: Sequence[float], values: Sequence[float]) -> GridCon
     sizes : sequence of 3 float
         Cell sizes [m], in any order, all different.
     values : sequence of 3 float
-        Found on them.
+        Values found on them.
 
     Returns
     -------
@@ -98,7 +98,7 @@ def grid_convergence(sizes: Sequence[float], values: Sequence[float]) -> GridCon
 
 
 class MeanUncertainty(NamedTuple):
-    """Mean of a correlated series."""
+    """Mean of a correlated series, and how uncertain it is."""
 
     mean: float
     error: float
@@ -119,9 +119,9 @@ def mean_uncertainty(series: ArrayLike, batches: int = 10) -> MeanUncertainty:
     Parameters
     ----------
     series : array-like, shape (n,)
-        At least 4 samples a batch.
+        Samples at equal intervals, at least 4 a batch.
     batches : int
-        Of the cross-check, at least 2.
+        Number of batches of the cross-check, at least 2.
 
     Raises
     ------

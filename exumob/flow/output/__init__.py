@@ -1,1 +1,1 @@
-"""What is shown and stored of a flow: surfaces, pictures, files for ParaView."""
+"""Output of the flow: snapshots of the free surface, pictures, files for ParaView."""

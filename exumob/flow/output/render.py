@@ -23,9 +23,9 @@ class Camera:
     eye, target : (float, float, float)
         Where it is and what it looks at [m].
     width, height : int
-        Of the picture [pixels].
+        Size of the picture [pixels].
     scale : float
-        Pixels of a line as long as its distance.
+        Length in the picture [pixels] of a line that is as long as its distance from the camera.
     middle : (float, float)
         Pixel x, y (down) of the target.
     """

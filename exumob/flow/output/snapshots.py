@@ -1,4 +1,4 @@
-"""The free surface at instants of a run: what pictures and animations are made from."""
+"""Snapshots: the free surface at instants of a run, from which pictures and animations are made."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from exumob.support.rotations import about_z
 from exumob.vehicle.motion import BODIES, quaternions
 
 SNAPSHOT_VARIABLES = ("elevation", "frame", "snapshot_position", "snapshot_quaternion")
-"""Of `snapshots_dataset`."""
+"""Names of the variables of `snapshots_dataset`."""
 
 
 @dataclass(frozen=True)
@@ -26,23 +26,23 @@ class Snapshot:
     time: float
     """[s]"""
     elevation: Array
-    """Of `surface_elevation` [m], shape (ny, nx)"""
+    """Free surface above the still level [m], shape (ny, nx); see `surface_elevation`"""
     frame: Array
     """Origin x, y [m] and heading [rad] of the grid in world axes"""
     position: Array
-    """Of the bodies' origins, grid axes [m], shape (n, 3)"""
+    """Positions of the bodies' origins, grid axes [m], shape (n, 3)"""
     rotation: Array
-    """Body to grid axes, shape (n, 3, 3)"""
+    """Rotation matrices, body to grid axes, shape (n, 3, 3)"""
 
     @classmethod
     def of(cls, solver: FlowSolver, poses: Poses) -> Snapshot:
-        """What the solver holds now, with the solids at `poses`."""
+        """Take a snapshot of what the solver holds now, with the solids at `poses`."""
         frame = solver.frame
         return cls(solver.time, surface_elevation(solver), frame, *in_grid_axes(poses, frame))
 
 
 def snapshots_dataset(grid: Grid, snapshots: Sequence[Snapshot]) -> xr.Dataset:
-    """Snapshots of the vehicle's run as ``elevation`` (snapshot, y, x), ``frame``, ``snapshot_position`` and so on."""
+    """Return the snapshots of a vehicle's run as a Dataset of `SNAPSHOT_VARIABLES`."""
     m = grid.metrics
     y, x = m.yc[HALO:-HALO], m.xc[HALO:-HALO]
     text = "free surface above the still level; NaN where a solid pierces it"

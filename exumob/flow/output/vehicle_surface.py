@@ -13,7 +13,7 @@ from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel
 from exumob.water.wetted_surface import cylinder_surface, hull_surface
 
 SEGMENTS = 40
-"""Flat faces round a drawn wheel."""
+"""Number of flat faces round a drawn wheel."""
 
 
 def body_triangles(vehicle: Vehicle) -> tuple[Array, ...]:

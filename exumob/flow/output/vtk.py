@@ -38,7 +38,7 @@ class VtkSeries:
     Parameters
     ----------
     folder : Path
-        Made at the first instant if it does not exist.
+        Folder of the files; it is made at the first instant if it does not exist.
     vehicle : Vehicle
 
     Raises
@@ -90,7 +90,7 @@ PIECES = (("volume", "vtr"), ("surface", "vtp"), ("vehicle", "vtp"))
 
 
 def volume_fields(solver: FlowSolver) -> dict[str, np.ndarray]:
-    """Fields at the cells' centres, single precision, shape (ny, nz, nx) or (ny, nz, nx, 3), grid axes."""
+    """Return fields at the cells' centres, single precision, shape (ny, nz, nx) or (ny, nz, nx, 3), grid axes."""
     u, v, w = solver.velocity  # low faces; at the window's end the low face stands for the centre
     velocity = np.stack([0.5 * (q + np.roll(q, -1, axis)) for q, axis in ((u, 2), (v, 0), (w, 1))], axis=-1)
     velocity[:, :, -1, 0], velocity[-1, :, :, 1], velocity[:, -1, :, 2] = u[:, :, -1], v[-1], w[:, -1]
@@ -104,7 +104,7 @@ def volume_fields(solver: FlowSolver) -> dict[str, np.ndarray]:
 
 
 def surface_triangles(solver: FlowSolver) -> tuple[Array, np.ndarray, Array]:
-    """Free surface between the cells' centres: points [m] (n, 3), triangles (m, 3), elevation [m] (n,).
+    """Return the free surface between the cells' centres: points [m] (n, 3), triangles (m, 3), elevation [m] (n,).
 
     Cells that a solid pierces are left out.
     """
