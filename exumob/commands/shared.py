@@ -1,4 +1,4 @@
-"""What the commands share: consoles, errors, progress bars, checks of the files to write, writing them."""
+"""Parts of all commands: consoles, errors, progress bars, checks of the files to write, writing them."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def whatever_was_computed(run: Callable[[], xr.Dataset], output: Path | None) ->
 
 
 def vehicle_of(file: Path | None) -> Vehicle:
-    """Of a vehicle file; the paper's without one."""
+    """Load the vehicle of a file; without a file, make the one of the paper."""
     from exumob.vehicle.vehicle_file import load_vehicle
 
     if file is not None:

@@ -42,7 +42,7 @@ HEAD = "contents"
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """What a run is made of, by part: a checkpoint fits only a run with the same."""
+    """Texts that tell one run from another, by part: a checkpoint fits only a run with the same."""
 
     parts: dict[str, str]
 
@@ -100,7 +100,7 @@ class Checkpoints:
         self._patience = 0.0
         self._began = time.perf_counter()
         self.elapsed = 0.0
-        """What earlier processes took until the checkpoint from which this one goes on [s]."""
+        """Wall time of earlier processes until the checkpoint from which this one goes on [s]."""
         if not file.parent.is_dir():
             raise ValueError(f"checkpoint {file}: the folder {file.parent} does not exist; create it first.")
         self.found = file.exists()

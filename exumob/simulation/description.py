@@ -1,4 +1,4 @@
-"""What a run is made of: everything that its result depends on, in one record."""
+"""The parts of a run, everything that its result depends on, in one record."""
 
 from __future__ import annotations
 

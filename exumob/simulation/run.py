@@ -34,7 +34,7 @@ from exumob.water.hydrodynamics import Hydrodynamics, SpinUpHydrodynamics
 logger = logging.getLogger(__name__)
 
 
-def simulate(
+def simulate(  # one argument a part of the run; all but two have defaults
     vehicle: Vehicle,
     soil: Soil,
     water: Water | None = None,

@@ -95,3 +95,19 @@ def test_heavy_packages_stay_where_they_belong(package):
         if any(i.split(".")[0] == package for i in _imports(path))
     }
     assert users - {"__main__"} <= HEAVY[package]
+
+
+@pytest.mark.parametrize("folder", LAYERS)
+def test_functions_with_many_arguments_say_why(folder):
+    """More than eight arguments need a comment at the head of the function; a record or a staggered field is one."""
+    silent = []
+    for path in sorted((PACKAGE / folder).rglob("*.py")):
+        lines = path.read_text().splitlines()
+        for node in ast.walk(ast.parse("\n".join(lines))):
+            if not isinstance(node, ast.FunctionDef):
+                continue
+            names = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+            head = lines[max(0, node.lineno - 2) : node.body[0].lineno]
+            if len(names) - (names[:1] in (["self"], ["cls"])) > 8 and not any("# " in line for line in head):
+                silent.append(f"{path.name}: {node.name}")
+    assert not silent
