@@ -4,7 +4,7 @@
     python benchmarks/golden_runs.py make after    # in the new one
     python benchmarks/golden_runs.py compare before after
 
-About six minutes a tree on two idle cores, half of them compilation. Where a kernel was rewritten, the largest difference
+About six minutes a tree, half of it compilation. Where a kernel was rewritten, the largest difference
 over the scale of each variable is printed; it should stay below 1e-12 over the 0.1 s of the flow.
 """
 
