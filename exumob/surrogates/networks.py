@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +99,15 @@ class Architecture:
         if self.layer == "lstm":
             first = {"W": (4 * h, k), "U": (4 * h, h), "b": (4 * h,)}
         return first | {"dense_weight": (d, h), "dense_bias": (d,), "out_weight": (n, d), "out_bias": (n,)}
+
+
+class InputScaling(NamedTuple):
+    """Scalers of the inputs and the limits at which they are held, each of shape (5, 1, k)."""
+
+    mean: Single
+    scale: Single
+    lowest: Single
+    highest: Single
 
 
 @dataclass(frozen=True)
@@ -206,11 +215,17 @@ class NetworkSet:
 
         Inputs outside their training range are first held a little outside it (`EDGE`): networks do not extrapolate.
         """
+        scaling = self._scaling
+        return np.asarray((np.clip(inputs, scaling.lowest, scaling.highest) - scaling.mean) / scaling.scale, np.float32)
+
+    @cached_property
+    def _scaling(self) -> InputScaling:
+        """Scalers of the inputs and the limits at which they are held."""
         mean, scale, low, high = (
             self.arrays[name][:, None, :] for name in ("input_mean", "input_scale", "input_low", "input_high")
         )
         edge = EDGE * (high - low)
-        return np.asarray((np.clip(inputs, low - edge, high + edge) - mean) / scale, np.float32)
+        return InputScaling(mean, scale, low - edge, high + edge)
 
     def wrenches(self, inputs: Array) -> Array:
         """Return the wrenches of the five networks for one instant.
