@@ -208,8 +208,7 @@ class TimeStep:
         advection.turn(step.old.velocity, step.new.velocity, step.yaw, step.cells.near)
         self._add_advection(step)
         self._add_eddy_stress(step)
-        step.shear = self._add_wall_shear(step)
-        step.shear += self._add_lug_drag(step)
+        step.shear = self._add_friction(step)
         self._add_bed_shear(step)
         self.far_field.relax_velocity(step.new.velocity, step.far, step.dt, step.cells.near)
         self.far_field.fill_velocity(step.new.velocity, step.far)
@@ -303,26 +302,16 @@ class TimeStep:
             -1.0 if roughness is None else float(roughness),
         )  # fmt: skip
 
-    def _add_wall_shear(self, step: Step) -> Array:
-        """Wall friction of the solids; the wrenches on them, grid axes."""
-        if not step.solids.friction.any():
-            return np.zeros((len(step.solids.position), 6))
-        wrenches = forces.wall_shear(
-            self._change, step.new.velocity, step.cells, self.placement.area_fractions, step.solids,
-            self.fluid.density, step.dt, self.metrics,
-        )  # fmt: skip
-        forces.add_and_clear(step.new.velocity, self._change, step.solids.regions)
-        return wrenches
-
-    def _add_lug_drag(self, step: Step) -> Array:
-        """Drag of lugs; the wrenches on their wheels, grid axes."""
-        if not step.solids.lug_drag_area.any():
-            return np.zeros((len(step.solids.position), 6))
-        wrenches = forces.lug_drag(
-            self._change, step.new.velocity, step.cells, self.placement.area_fractions, step.solids,
-            self.fluid.density, step.dt, self.metrics,
-        )  # fmt: skip
-        forces.add_and_clear(step.new.velocity, self._change, step.solids.regions)
+    def _add_friction(self, step: Step) -> Array:
+        """Friction of the solids' walls and drag of their lugs; the wrenches on them in grid axes, shape (n, 6)."""
+        solids, wrenches = step.solids, np.zeros((len(step.solids.position), 6))
+        for exists, kernel in ((solids.friction, forces.wall_shear), (solids.lug_drag_area, forces.lug_drag)):
+            if exists.any():
+                wrenches += kernel(
+                    self._change, step.new.velocity, step.cells, self.placement.area_fractions, solids,
+                    self.fluid.density, step.dt, self.metrics,
+                )  # fmt: skip
+                forces.add_and_clear(step.new.velocity, self._change, solids.regions)
         return wrenches
 
     def _add_bed_shear(self, step: Step) -> None:
