@@ -129,11 +129,12 @@ def repository_links(app, relative_path, parent, content):
     content[0] = re.sub(r"(!?\[[^\]]*\])\(([^)#:\s]+)\)", moved, content[0])
 
 
-def forget_moved_modules(app):
-    """Remove generated pages of modules that are no longer there, before autosummary reads them."""
-    for page in (HERE / "_generated" / "api").glob("*.rst"):
-        place = HERE.parent / page.stem.replace(".", "/")
-        if not place.is_dir() and not place.with_suffix(".py").is_file():
+def forget_moved_modules(app, config):
+    """Remove the generated pages if a module of theirs is gone, before autosummary reads the lists in them."""
+    pages = list((HERE / "_generated" / "api").glob("*.rst"))
+    places = [HERE.parent / page.stem.replace(".", "/") for page in pages]
+    if not all(place.is_dir() or place.with_suffix(".py").is_file() for place in places):
+        for page in pages:
             page.unlink()
 
 
@@ -168,7 +169,7 @@ def command_line_reference(app):
 
 def setup(app):
     """Docstrings are mended before napoleon, which has the priority 500, reads them."""
-    app.connect("config-inited", lambda app, config: forget_moved_modules(app))
+    app.connect("config-inited", forget_moved_modules)
     app.connect("builder-inited", command_line_reference)
     app.connect("builder-inited", exported_names)
     app.connect("include-read", repository_links)

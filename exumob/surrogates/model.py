@@ -198,7 +198,10 @@ class SurrogateHydrodynamics:
             ),
             "out_of_range": xr.DataArray(
                 excess.max(axis=-1) > OUTSIDE, coords, ("macro_time", "body"),
-                attrs={"long_name": f"whether the body's state lies outside the training range by {OUTSIDE:g}"},
+                attrs={
+                    "units": "1",
+                    "long_name": f"whether the body's state lies outside the training range by {OUTSIDE:g}",
+                },
             ),
             "fallback_share": xr.DataArray(
                 np.array(self._fallback), coords, ("macro_time", "body"),
