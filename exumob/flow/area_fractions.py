@@ -249,11 +249,17 @@ def _close_row(
     for k in range(k0, k1):
         for i in range(i0, i1):
             cell, here = (j, k, i), halves[b, k - k0, i - i0]
-            x, y, z = metrics.xc[i] - position[0], metrics.yc[j] - position[1], metrics.zc[k] - position[2]
-            ux, uy, uz = body_velocity(solids, n, x, y, z)  # a component depends on no place along its own axis
-            if _close_face(o.ax, o.bx, cell, halves[b, k - k0, i - i0 - 1] if i > i0 else beyond, here, 0):
+            x = _close_face(o.ax, o.bx, cell, halves[b, k - k0, i - i0 - 1] if i > i0 else beyond, here, 0)
+            y = _close_face(o.ay, o.by, cell, halves[b - 1, k - k0, i - i0] if b > 0 else beyond, here, 1)
+            z = _close_face(o.az, o.bz, cell, halves[b, k - k0 - 1, i - i0] if k > k0 else beyond, here, 2)
+            if not (x or y or z):
+                continue
+            ux, uy, uz = body_velocity(  # a component does not depend on the place along its own axis
+                solids, n, metrics.xc[i] - position[0], metrics.yc[j] - position[1], metrics.zc[k] - position[2]
+            )
+            if x:
                 o.sx[cell] = ux
-            if _close_face(o.ay, o.by, cell, halves[b - 1, k - k0, i - i0] if b > 0 else beyond, here, 1):
+            if y:
                 o.sy[cell] = uy
-            if _close_face(o.az, o.bz, cell, halves[b, k - k0 - 1, i - i0] if k > k0 else beyond, here, 2):
+            if z:
                 o.sz[cell] = uz

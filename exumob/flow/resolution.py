@@ -146,7 +146,7 @@ def _extents(vehicle: Vehicle, grid: Grid) -> list[tuple[float, float]]:
 
 def _gap(vehicle: Vehicle, hull: Solid, wheel: Solid, angle: float, k: int) -> float:
     """Least distance [m] between the hull and wheel k turned by `angle` [rad], from points on the wheel's surface."""
-    (radius, half, _), edge = wheel.shape.half_sizes, wheel.shape.edge_radius
+    radius, half, edge = wheel.shape.half_x, wheel.shape.half_y, wheel.shape.edge_radius
     around = np.linspace(0.0, 2.0 * math.pi, 37)[:-1]
     corner = np.linspace(0.0, 0.5 * math.pi, 7)
     rings = [(radius - edge * (1.0 - math.cos(a)), half - edge * (1.0 - math.sin(a))) for a in corner]

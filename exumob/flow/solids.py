@@ -37,38 +37,36 @@ class Shape(NamedTuple):
 
     kind: int
     """`SPHERE`, `BOX`, `CYLINDER` (about y), `PRISM` (along y) or `SAMPLED`"""
-    half_sizes: Array
-    """Half the extents along x, y, z [m], shape (3,): radius of a sphere; radius, half width, radius of a cylinder"""
+    half_x: float
+    half_y: float
+    half_z: float
+    """Half the extents [m]: the radius of a sphere; radius, half width, radius of a cylinder"""
     edge_radius: float
     """Rounding of a cylinder's edges [m]"""
-    corner_x: Array
-    corner_z: Array
-    """Corners of a prism's cross-section, counter-clockwise [m], shape (n,)"""
-    edge_x: Array
-    edge_z: Array
-    """From each corner to the next [m]"""
-    edge_inverse_square: Array
-    """One over the square of the edge's length [1/m^2]"""
+    outline: Array
+    """Corners x, z of a prism's cross-section, counter-clockwise, the edges from there in x, z [m], and one over their
+    squared lengths [1/m^2]; shape (n, 5).
+
+    One array, not five by name: `measure` is called at every point, and a record of many arrays is slow to pass."""
     samples: Array
     """Signed distances at the points of a grid [m], shape (nx, ny, nz)"""
-    samples_low: Array
-    """Its first point [m], shape (3,)"""
+    low_x: float
+    low_y: float
+    low_z: float
+    """Its first point [m]"""
     spacing: float
     """Distance between neighbouring points [m]"""
 
     @classmethod
     def of(
-        cls, kind: int, half_sizes: Array, edge_radius: float = 0.0,
-        outline: tuple[Array, Array, Array, Array, Array] | None = None, samples: Array | None = None,
-        samples_low: Array | None = None, spacing: float = 1.0,
+        cls, kind: int, half_sizes: Array, edge_radius: float = 0.0, outline: Array | None = None,
+        samples: Array | None = None, low: tuple[float, float, float] = (0.0, 0.0, 0.0), spacing: float = 1.0,
     ) -> Shape:  # fmt: skip
-        """Shape of a kind; see the fields (`outline`: the five of a prism)."""
-        none = np.zeros(0)
-        corner_x, corner_z, edge_x, edge_z, inverse_square = outline or (none, none, none, none, none)
+        """Shape of a kind; see the fields."""
+        half_x, half_y, half_z = (float(h) for h in half_sizes)
         return cls(
-            kind, np.array(half_sizes, dtype=float), float(edge_radius), corner_x, corner_z, edge_x, edge_z,
-            inverse_square, np.zeros((2, 2, 2)) if samples is None else samples,
-            np.zeros(3) if samples_low is None else samples_low, float(spacing),
+            kind, half_x, half_y, half_z, float(edge_radius), np.zeros((0, 5)) if outline is None else outline,
+            np.zeros((2, 2, 2)) if samples is None else samples, *low, float(spacing),
         )  # fmt: skip
 
 
@@ -142,11 +140,7 @@ def prism(outline: Array, width: float, friction: float = 0.0) -> Solid:
     if lengths.min() <= 0.0:
         raise ValueError("prism outline has two equal corners in a row; leave one out.")
     corners = np.array([low[0], -0.5 * width, low[1]]), np.array([high[0], 0.5 * width, high[1]])
-    columns = np.hstack([outline, edges, 1.0 / lengths]).T
-    corner_x, corner_z, edge_x, edge_z, inverse_square = (column.copy() for column in columns)
-    shape = Shape.of(
-        PRISM, 0.5 * (corners[1] - corners[0]), outline=(corner_x, corner_z, edge_x, edge_z, inverse_square)
-    )
+    shape = Shape.of(PRISM, 0.5 * (corners[1] - corners[0]), outline=np.hstack([outline, edges, 1.0 / lengths]))
     return Solid(shape, *corners, friction)
 
 
@@ -190,8 +184,9 @@ def mesh_solid(triangles: Array, spacing: float, friction: float = HULL_FRICTION
         )  # fmt: skip
         distances[first : first + 20000] = np.where(_inside(triangles, part), -apart, apart)
     shape = Shape.of(
-        SAMPLED, 0.5 * (high - low), samples=distances.reshape(tuple(counts)).copy(), samples_low=start, spacing=spacing
-    )
+        SAMPLED, 0.5 * (high - low), samples=distances.reshape(tuple(counts)).copy(),
+        low=(float(start[0]), float(start[1]), float(start[2])), spacing=spacing,
+    )  # fmt: skip
     return Solid(shape, low, high, friction)
 
 
@@ -234,7 +229,7 @@ def lugs_of(solids: Sequence[Solid]) -> tuple[Array, Array, Array, Array]:
     for n, solid in enumerate(solids):
         if solid.tread is not None:
             tread = solid.tread
-            radius[n], half[n], height[n] = solid.shape.half_sizes[0], solid.shape.half_sizes[1], tread.lug_height
+            radius[n], half[n], height[n] = solid.shape.half_x, solid.shape.half_y, tread.lug_height
             area[n] = tread.drag_coefficient * tread.lug_count * tread.lug_height * 2.0 * half[n]
     return radius, half, height, area
 
@@ -242,23 +237,22 @@ def lugs_of(solids: Sequence[Solid]) -> tuple[Array, Array, Array, Array]:
 @njit(cache=True, error_model="numpy")
 def measure(shape: Shape, x: float, y: float, z: float) -> tuple[float, float, float, float]:
     """Signed distance [m] (< 0 inside) and outward unit normal of a solid at a point of its own axes [m]."""
-    half = shape.half_sizes
     if shape.kind == SPHERE:
         r = math.sqrt(x * x + y * y + z * z)
         s = 1.0 / max(r, 1e-300)
-        return r - half[0], x * s, y * s, z * s
+        return r - shape.half_x, x * s, y * s, z * s
     if shape.kind == BOX:
-        d, nx, ny, nz = _corner(abs(x) - half[0], abs(y) - half[1], abs(z) - half[2])
+        d, nx, ny, nz = _corner(abs(x) - shape.half_x, abs(y) - shape.half_y, abs(z) - shape.half_z)
         return d, math.copysign(nx, x), math.copysign(ny, y), math.copysign(nz, z)
     if shape.kind == CYLINDER:
         r = math.sqrt(x * x + z * z)
         edge = shape.edge_radius
-        d, nr, ny, _ = _corner(r - half[0] + edge, abs(y) - half[1] + edge, -1e30)
+        d, nr, ny, _ = _corner(r - shape.half_x + edge, abs(y) - shape.half_y + edge, -1e30)
         s = nr / max(r, 1e-300)
         return d - edge, s * x, math.copysign(ny, y), s * z
     if shape.kind == PRISM:
-        d, nx, nz = _polygon(shape, x, z)
-        d, n2, ny, _ = _corner(d, abs(y) - half[1], -1e30)
+        d, nx, nz = _polygon(shape.outline, x, z)
+        d, n2, ny, _ = _corner(d, abs(y) - shape.half_y, -1e30)
         return d, n2 * nx, math.copysign(ny, y), n2 * nz
     return _sampled(shape, x, y, z)
 
@@ -278,14 +272,14 @@ def _corner(a: float, b: float, c: float) -> tuple[float, float, float, float]:
 
 
 @njit(cache=True, error_model="numpy")
-def _polygon(shape: Shape, x: float, z: float) -> tuple[float, float, float]:
+def _polygon(outline: Array, x: float, z: float) -> tuple[float, float, float]:
     """Signed distance and outward normal of a counter-clockwise polygon."""
     best, bx, bz, inside = 1e300, 0.0, 0.0, False
     ex, ez = 0.0, 0.0
-    for m in range(len(shape.corner_x)):
-        tx, tz = shape.edge_x[m], shape.edge_z[m]
-        px, pz = x - shape.corner_x[m], z - shape.corner_z[m]
-        part = (px * tx + pz * tz) * shape.edge_inverse_square[m]
+    for m in range(len(outline)):
+        tx, tz = outline[m, 2], outline[m, 3]
+        px, pz = x - outline[m, 0], z - outline[m, 1]
+        part = (px * tx + pz * tz) * outline[m, 4]
         part = min(max(part, 0.0), 1.0)
         if (pz >= 0.0) != (pz >= tz) and (px * tz < pz * tx) == (tz > 0.0):
             inside = not inside
@@ -305,9 +299,9 @@ def _polygon(shape: Shape, x: float, z: float) -> tuple[float, float, float]:
 @njit(cache=True, error_model="numpy")
 def _sampled(shape: Shape, x: float, y: float, z: float) -> tuple[float, float, float, float]:
     """Trilinear interpolation of sampled distances; beyond the samples, the distance to them is added."""
-    h, low, samples = shape.spacing, shape.samples_low, shape.samples
+    h, samples = shape.spacing, shape.samples
     n0, n1, n2 = samples.shape
-    px, py, pz = (x - low[0]) / h, (y - low[1]) / h, (z - low[2]) / h
+    px, py, pz = (x - shape.low_x) / h, (y - shape.low_y) / h, (z - shape.low_z) / h
     qx, qy, qz = min(max(px, 0.0), n0 - 1.001), min(max(py, 0.0), n1 - 1.001), min(max(pz, 0.0), n2 - 1.001)
     a, b, c = int(qx), int(qy), int(qz)
     fx, fy, fz = qx - a, qy - b, qz - c

@@ -124,16 +124,18 @@ def _split(row: Array, lo: int, out: NDArray[np.float32], level: Level, r: int) 
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _distance(c: Array, p: int, axis: int, up: int, at: int, strides: tuple[int, int], metrics: Metrics) -> float:
+def _distance(
+    c: Array, p: int, axis: int, up: int, at: int, strides: tuple[int, int], widths: tuple[Array, Array, Array]
+) -> float:
     """Distance from a cell's centre to the surface along an axis [m].
 
     `at`: the cell's index there; `strides`: from a cell to the next along y and along z.
     """
     if axis == 2:
-        return stack_distance(c, p, strides[1], up, metrics.dz, at, HALO)
+        return stack_distance(c, p, strides[1], up, widths[2], at, HALO)
     if axis == 0:
-        return stack_distance(c, p, 1, up, metrics.dx, at, 0)
-    return stack_distance(c, p, strides[0], up, metrics.dy, at, 0)
+        return stack_distance(c, p, 1, up, widths[0], at, 0)
+    return stack_distance(c, p, strides[0], up, widths[1], at, 0)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -169,6 +171,7 @@ def _add_surface(
     tx, ty, tz = flat.theta
     dt, level, closest, stiffness, _ = conditions
     dx, dy, dz, heights = metrics.dx, metrics.dy, metrics.dz, metrics.zc
+    widths = dx, dy, dz
     ex, ey, ez = metrics.ex, metrics.ey, metrics.ez
     for n in range(len(cells)):
         i = cells[n]
@@ -177,7 +180,7 @@ def _add_surface(
         steepest = 2 if abs(gz) >= abs(gx) and abs(gz) >= abs(gy) else (0 if abs(gx) >= abs(gy) else 1)
         up = -1 if (gz if steepest == 2 else (gx if steepest == 0 else gy)) > 0.0 else 1
         place = k if steepest == 2 else (i if steepest == 0 else j)
-        here = _distance(c, p, steepest, up, place, (sy, sz), metrics)
+        here = _distance(c, p, steepest, up, place, (sy, sz), widths)
         diagonal, surface, openings = 0.0, 0.0, 0.0
         enclosed = True
         for axis in range(3):
@@ -191,7 +194,7 @@ def _add_surface(
                 if beta == 0.0 or wet[q] == 1 or m < HALO or m >= end - HALO:
                     continue
                 enclosed = False
-                there = _distance(c, q, steepest, up, m if axis == steepest else place, (sy, sz), metrics)
+                there = _distance(c, q, steepest, up, m if axis == steepest else place, (sy, sz), widths)
                 if here <= 0.0 or there >= 0.0:  # folded or very thin: interpolate the fraction
                     share = (c[p] - 0.5) / max(c[p] - c[q], 1e-12)
                 else:
