@@ -14,7 +14,7 @@ import numpy as np
 from exumob.support.arrays import Array
 from exumob.vehicle.motion import BodyStates
 from exumob.water.conditions import Water
-from exumob.water.flow_states import FLOW_STATE_UNITS, FLOW_STATES, flow_states, horizontal_motion
+from exumob.water.flow_states import FLOW_STATE_UNITS, FLOW_STATES, HorizontalMotion, flow_states, horizontal_motion
 
 
 class Input(NamedTuple):
@@ -79,9 +79,11 @@ def network_inputs(states: BodyStates, water: Water, names: Sequence[str]) -> Ar
     unknown = [name for name in names if name not in INPUTS]
     if unknown:
         raise ValueError(f"network input {unknown[0]!r} is not known; use {', '.join(INPUTS)}.")
-    found: dict[str, Array] = dict(zip(FLOW_STATES, np.moveaxis(flow_states(states, water), -1, 0), strict=True))
+    motion = horizontal_motion(states)
+    columns = np.moveaxis(flow_states(states, water, motion), -1, 0)
+    found: dict[str, Array] = dict(zip(FLOW_STATES, columns, strict=True))
     if not set(names) <= set(found):
-        found |= _additional_features(states, water, found)
+        found |= _additional_features(states, water, motion, found)
     return np.stack([found[name] for name in names], axis=-1)
 
 
@@ -90,10 +92,12 @@ def mirror_signs(names: Sequence[str]) -> Array:
     return np.array([float(INPUTS[name].mirror) for name in names])
 
 
-def _additional_features(states: BodyStates, water: Water, flow: dict[str, Array]) -> dict[str, Array]:
+def _additional_features(
+    states: BodyStates, water: Water, motion: HorizontalMotion, flow: dict[str, Array]
+) -> dict[str, Array]:  # fmt: skip
     """Return all features that are not among the flow states of Eq. (7); `flow` holds those."""
     rotation = states.rotation
-    heading, cos, sin, forward, lateral = horizontal_motion(states)
+    heading, cos, sin, forward, lateral = motion
     current_x, current_y, _ = water.velocity
     angular_velocity = np.einsum("nbij,nbi->nbj", rotation, states.angular_velocity)  # body axes
     steering = np.arctan2(np.sin(heading[:, 1:3] - heading[:, :1]), np.cos(heading[:, 1:3] - heading[:, :1]))

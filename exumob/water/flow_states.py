@@ -45,7 +45,7 @@ def horizontal_motion(states: BodyStates) -> HorizontalMotion:
     return HorizontalMotion(heading, cos, sin, cos * x + sin * y, cos * y - sin * x)
 
 
-def flow_states(states: BodyStates, water: Water | None) -> Array:
+def flow_states(states: BodyStates, water: Water | None, motion: HorizontalMotion | None = None) -> Array:
     """Return the state of each body relative to ground and water, Eq. (7).
 
     alpha is the angle from the body's heading to its horizontal velocity (positive: it moves to its own left), where
@@ -63,13 +63,15 @@ def flow_states(states: BodyStates, water: Water | None) -> Array:
         n instants.
     water : Water or None
         None: no water, beta = U_w = D_w = 0.
+    motion : HorizontalMotion, optional
+        That of the states, where it has been computed already.
 
     Returns
     -------
     array, shape (n, 5, 5)
         Instant, body, quantity: alpha [rad] and beta [rad] in (-pi, pi], V [m/s], U_w [m/s], D_w [m].
     """
-    motion = horizontal_motion(states)
+    motion = horizontal_motion(states) if motion is None else motion
     speed = np.hypot(states.velocity[..., 0], states.velocity[..., 1])
     sideslip = np.arctan2(motion.lateral, motion.forward)
     fade = np.clip((speed - REST_SPEED) / (MOVING_SPEED - REST_SPEED), 0.0, 1.0)
