@@ -51,7 +51,7 @@ def test_semi_implicit_scheme_notices_that_the_water_answers_more_strongly(vehic
     assert np.abs(result["acceleration"].values[:, 0, 2]).max() < 2.0 * 9.81
     measured = np.flatnonzero(result["coupling_iterations"].values > 1)
     assert measured[0] == 0 and 20 <= measured[1] <= 35 and len(measured) <= 4
-    monkeypatch.setattr(exumob.coupling.semi_implicit, "SWINGS", 10**6)
+    monkeypatch.setattr(exumob.coupling.semi_implicit, "SIGN_REVERSALS", 10**6)
     try:
         stale = run(vehicle, sand, KeelGetsWet(), coupling=SemiImplicit())
     except SimulationError as error:

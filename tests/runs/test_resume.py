@@ -74,7 +74,7 @@ def test_own_flow_solver_resumes_with_the_same_bits(vehicle, sand, tmp_path):
 
 def test_run_stopped_before_the_release_goes_on(vehicle, sand, tmp_path, monkeypatch):
     """Stopped while the water develops, and again, later, on the way to the second place of rest."""
-    monkeypatch.setattr("exumob.coupling.flow_in_loop.KEPT_EVERY", 0.03)
+    monkeypatch.setattr("exumob.coupling.flow_in_loop.SAVE_INTERVAL", 0.03)
     file = tmp_path / "run.npz"
     single = run(vehicle, sand, duration=0.01)
     begun = []
