@@ -214,7 +214,10 @@ def _shear_reversals(displacement: Coefficients, theta_r: float, theta_f: float,
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp", "reassoc"}, inline="always")
 def _sine(x: float) -> float:
-    """Taylor series of the sine, error below 1e-11 for |x| <= pi/2; no call, so that the loop vectorises."""
+    """Taylor series of the sine, error below 1e-11 for |x| <= pi/2.
+
+    It calls no function, so that the loop over the patch vectorises.
+    """
     y = x * x
     s = 1.0 - y / 210.0 * (1.0 - y / 272.0)
     s = 1.0 - y / 42.0 * (1.0 - y / 72.0 * (1.0 - y / 110.0 * (1.0 - y / 156.0 * s)))
