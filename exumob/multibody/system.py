@@ -253,14 +253,14 @@ class MultibodyVehicle:
                 "Halve micro_step, or soften the soil, the bump stops or the maneuver."
             )
 
-    def advance(self, end_time: float, water: Array, rate: Array | None = None) -> None:
+    def advance(self, end_time: float, wrenches: Array, rate: Array | None = None) -> None:
         """Integrate to `end_time` with the water's wrenches on the five bodies.
 
         Parameters
         ----------
         end_time : float
             [s]
-        water : array, shape (5, 6)
+        wrenches : array, shape (5, 6)
             Mean wrenches over the interval [N, N m], body axes.
         rate : array, shape (5, 6), optional
             Their change in time [N/s, N m/s], about the middle of the interval: the mean is kept. None: they are held.
@@ -270,9 +270,9 @@ class MultibodyVehicle:
         SimulationError
             If a wheel sinks to its centre, the motion is not finite or the integration does not converge.
         """
-        self.loads[0]["water_wrench"] = water
+        self.loads[0]["water_wrench"] = wrenches
         middle = 0.5 * (self.time + end_time)
-        self._changing_wrench = None if rate is None else (np.array(water), np.array(rate), middle)
+        self._changing_wrench = None if rate is None else (np.array(wrenches), np.array(rate), middle)
         try:
             self._advance(self._settings, end_time)
         finally:

@@ -81,14 +81,14 @@ class FreeBody:
             )
         )  # fmt: skip
 
-    def advance(self, end_time: float, water: Array, rate: Array | None = None) -> None:
-        """Go on to `end_time` [s] under the mean wrench `water`, shape (1, 6), that changes at `rate`."""
+    def advance(self, end_time: float, wrenches: Array, rate: Array | None = None) -> None:
+        """Go on to `end_time` [s] under mean wrenches, shape (1, 6), that change at `rate`."""
         now = self._now
         h = (end_time - now.time) / MICRO_STEPS
         middle = 0.5 * (end_time + now.time)
         time, x, r, v, w = now.time, now.position, now.rotation, now.velocity, now.rate
         for _ in range(MICRO_STEPS):
-            wrench = water[0] if rate is None else water[0] + (time + 0.5 * h - middle) * rate[0]
+            wrench = wrenches[0] if rate is None else wrenches[0] + (time + 0.5 * h - middle) * rate[0]
             half = _turned(0.5 * h * w) @ r
             body_rate = half.T @ w
             turning = half @ ((wrench[3:] - np.cross(body_rate, self.inertia * body_rate)) / self.inertia)
