@@ -59,7 +59,7 @@ class StandIn:
 
 
 def run(vehicle, sand, flow=None, duration=0.12, **options):
-    water_model = CfdHydrodynamics(flow or StandIn(), development=SHORT)
+    water_model = CfdHydrodynamics(flow or StandIn(), spin_up=SHORT)
     return simulate(vehicle, sand, WATER, QUICK, water_model, duration=duration, **(STEPS | options))
 
 

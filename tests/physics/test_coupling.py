@@ -97,7 +97,7 @@ def test_linear_loads_keep_the_mean(vehicle, sand, scheme):
 def test_vehicle_and_water_at_rest_stay_at_rest(vehicle, sand):
     """The start: settled under the water's own loads, nothing moves when it is released (spec: 0.05 mm in 0.1 s)."""
     still = replace(QUICK, start=5.0, end=6.0, ramp_time=50.0)
-    water_model = CfdHydrodynamics(StandIn(), development=SHORT)
+    water_model = CfdHydrodynamics(StandIn(), spin_up=SHORT)
     result = simulate(vehicle, sand, Water.at_ratio(0.6), still, water_model, duration=0.1, **STEPS)
     assert np.abs(result["position"].values - result["position"].values[0]).max() < 5e-5
 

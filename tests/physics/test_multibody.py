@@ -66,7 +66,7 @@ def rest(vehicle):
         key = soil, water, str(terrain), duration
         if key not in made:
             made[key] = simulate(
-                vehicle, Soil.published(soil), WATERS[water], STILL, duration=duration, micro_step=1e-3,
+                vehicle, Soil.published(soil), WATERS[water], STILL, "coefficients", duration=duration, micro_step=1e-3,
                 macro_step=20e-3, terrain=terrain,
             )  # fmt: skip
         return made[key]

@@ -32,7 +32,7 @@ def test_zero_residual_is_the_coefficient_model(vehicle, sand):
     assert np.array_equal(a["position"], b["position"])
     assert not b["hydrodynamics_out_of_range"].any() and summary(b)["out_of_range_share"] == 0.0
     assert closed_loop(b, pack(simulate(
-        vehicle, sand, HEAD_CURRENT, lane_change(), duration=0.4, record_step=1e-3, **STEPS
+        vehicle, sand, HEAD_CURRENT, lane_change(), "coefficients", duration=0.4, record_step=1e-3, **STEPS
     )))["final"] < 1e-4  # fmt: skip
 
 

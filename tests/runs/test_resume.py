@@ -39,7 +39,7 @@ def test_stopped_and_resumed_run_is_the_single_run(vehicle, sand, tmp_path, sche
 
     def go(**options):
         water_model = CoefficientHydrodynamics() if scheme is Explicit else CfdHydrodynamics(
-            StandIn(), development=SHORT
+            StandIn(), spin_up=SHORT
         )  # fmt: skip
         return simulate(
             vehicle, sand, WATER, QUICK, water_model, duration=0.08, coupling=scheme(), **STEPS, **options
@@ -62,7 +62,7 @@ def test_own_flow_solver_resumes_with_the_same_bits(vehicle, sand, tmp_path):
 
     def go(**options):
         water_model = CfdHydrodynamics(
-            BuiltInFlow(0.06, allow_coarse=True), development=FlowSpinUp(0.05, 0.04, 0.02, 4e-3)
+            BuiltInFlow(0.06, allow_coarse=True), spin_up=FlowSpinUp(0.05, 0.04, 0.02, 4e-3)
         )  # fmt: skip
         return simulate(vehicle, sand, WATER, QUICK, water_model, duration=0.04, **STEPS, **options)
 
@@ -86,7 +86,7 @@ def test_run_stopped_before_the_release_goes_on(vehicle, sand, tmp_path, monkeyp
             if now > stop:
                 raise KeyboardInterrupt
 
-        water_model = CfdHydrodynamics(StandIn(), development=SHORT, progress=watched)
+        water_model = CfdHydrodynamics(StandIn(), spin_up=SHORT, progress=watched)
         given = {"duration": 0.01, "checkpoint": file, "resume": True, **STEPS}
         if math.isfinite(stop):
             with pytest.raises(KeyboardInterrupt):

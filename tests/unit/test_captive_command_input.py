@@ -28,7 +28,7 @@ def plain(text):
 def test_help_explains_every_option_with_its_default():
     answer = call("--help")
     assert answer.exit_code == 0
-    text = " " + plain(answer.output.split("Options:")[1])
+    text = " " + plain(answer.output.split("Run:")[1])
     for option, default in OPTIONS.items():
         after = text[text.index(f" {option} ") :].split(" --")[1]
         assert len(after.split()) > 4, f"{option} is not explained"
