@@ -27,7 +27,8 @@ def runs(vehicle, sand):
     found = {}
     for name, depth, current in (("D40/U0", 0.08, 0.0), ("D50/U0.5", 0.1, 0.5), ("D60/U1", 0.12, 1.0)):
         run = simulate(
-            vehicle, sand, Water(depth, current), lane_change(), duration=0.5, micro_step=5e-4, record_step=1e-3
+            vehicle, sand, Water(depth, current), lane_change(), "coefficients", duration=0.5, micro_step=5e-4,
+            macro_step=1e-3, record_step=1e-3,
         )  # fmt: skip
         found[name] = pack(run).assign_attrs(scenario=name)
     return found
