@@ -36,7 +36,7 @@ class StandIn:
     def start(self, vehicle, water, poses, time):
         sizes = json.loads(parameters_json({"v": vehicle}))["v"]["Vehicle"]
         given = {"depth": water.depth, "density": water.density, "velocity": water.velocity.tolist()}
-        self.water = stand_in.Water(sizes, given)
+        self.water = stand_in.BoxFlow(sizes, given)
         self.water.start(self._arrays(poses), time)
 
     def advance(self, time, poses):

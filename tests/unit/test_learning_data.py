@@ -24,8 +24,8 @@ def run():
     """Start and a bit of steering, coefficient model."""
     maneuver = lane_change(np.radians(20.0), 8.0)
     return simulate(
-        amphibious_vehicle(), Soil.published("LETE sand"), WATER, maneuver, "coefficients", duration=2.5, micro_step=5e-4,
-        macro_step=5e-3, record_step=1e-3,
+        amphibious_vehicle(), Soil.published("LETE sand"), WATER, maneuver, "coefficients", duration=2.5,
+        micro_step=5e-4, macro_step=5e-3, record_step=1e-3,
     )  # fmt: skip
 
 
