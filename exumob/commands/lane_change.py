@@ -178,10 +178,14 @@ def lane_change_command(  # one argument an option of the command line
             with simulated_time_bar(duration, "settling", "members") as advance:
                 result = add_members(result, car, ground, water, maneuver, model, progress=advance, **steps)
         except KeyboardInterrupt:
-            errors.print("[yellow]Stopped among the members[/yellow]; the run itself follows.", highlight=False)
+            errors.print(
+                "[yellow]Stopped among the members[/yellow]; the run itself follows.", highlight=False, soft_wrap=True
+            )
             code = 130
     if code and checkpoint is not None and checkpoint.exists():
-        errors.print(f"{checkpoint} holds the run: the same command with --resume goes on.", highlight=False)
+        errors.print(
+            f"{checkpoint} holds the run: the same command with --resume goes on.", highlight=False, soft_wrap=True
+        )
     _report(result, targets, setting.value if micro_step is None and macro_step is None else None)
     raise typer.Exit(code)
 
@@ -250,7 +254,7 @@ def _print_summary(result: xr.Dataset, figures: dict[str, float], setting: str |
         "real-time factor": f"{figures['real_time_factor']:.2f} (simulated over wall time)",
     }
     for name, text in lines.items():
-        console.print(f"[bold]{name:<21}[/bold] {text}", highlight=False)
+        console.print(f"[bold]{name:<21}[/bold] {text}", highlight=False, soft_wrap=True)
 
 
 def _range_lines(figures: dict[str, float]) -> dict[str, str]:

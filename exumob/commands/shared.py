@@ -63,7 +63,7 @@ def whatever_was_computed(run: Callable[[], xr.Dataset], output: Path | None) ->
     except SimulationError as error:
         if error.result is None:
             fail(error)
-        errors.print(f"[red]{error}[/red]\nWhat was computed until then follows.", highlight=False)
+        errors.print(f"[red]{error}[/red]\nWhat was computed until then follows.", highlight=False, soft_wrap=True)
         if output is not None and error.state is not None:
             import numpy as np
 
@@ -72,7 +72,7 @@ def whatever_was_computed(run: Callable[[], xr.Dataset], output: Path | None) ->
             errors.print(f"Flow before the failed step (FlowSolver.restore): {target}", highlight=False, soft_wrap=True)
         return error.result, 1
     except SimulationInterrupted as stop:
-        errors.print(f"[yellow]{stop}[/yellow]; what was computed until then follows.", highlight=False)
+        errors.print(f"[yellow]{stop}[/yellow]; what was computed until then follows.", highlight=False, soft_wrap=True)
         return stop.result, 130
 
 
@@ -127,7 +127,7 @@ def write_result(
     from exumob.simulation.result_files import save_dataset
 
     if targets["--output"]:
-        console.print(f"result    {save_dataset(result, targets['--output'])}", highlight=False)
+        console.print(f"result    {save_dataset(result, targets['--output'])}", highlight=False, soft_wrap=True)
     if not (targets["--figure"] or targets["--animate"]):
         return
     if result.sizes["time"] < 3:
@@ -139,8 +139,8 @@ def write_result(
     from exumob.support.figures import save_figure
 
     if targets["--figure"]:
-        console.print(f"figure    {save_figure(plot(result), targets['--figure'])}", highlight=False)
+        console.print(f"figure    {save_figure(plot(result), targets['--figure'])}", highlight=False, soft_wrap=True)
     if targets["--animate"]:
         with errors.status("drawing the animation"):
             animate(result, targets["--animate"])
-        console.print(f"animation {targets['--animate']}", highlight=False)
+        console.print(f"animation {targets['--animate']}", highlight=False, soft_wrap=True)

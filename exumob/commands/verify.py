@@ -83,7 +83,7 @@ def verify_command(
             write_table(found, output)
     report(found, broken)
     if output:
-        console.print(f"table     {output}", highlight=False)
+        console.print(f"table     {output}", highlight=False, soft_wrap=True)
     if figure and not broken:
         draw(chosen, options, figure)
     raise typer.Exit(1 if broken or not all(check.passed for _, check in found) else 0)
@@ -158,7 +158,7 @@ def print_cases(cases: Sequence[Case]) -> None:
     """Print questions, and under each the names, run times and subjects of its cases."""
     width = max(len(case.name) for case in cases)
     for question, group in itertools.groupby(cases, key=lambda case: case.question):
-        console.print(f"\n[bold]{question}[/bold]", highlight=False)
+        console.print(f"\n[bold]{question}[/bold]", highlight=False, soft_wrap=True)
         table = Table.grid(padding=(0, 2, 0, 0))
         for column in ({"width": width}, {"width": 6, "justify": "right"}, {"width": 4}, {}):
             table.add_column(**column)
@@ -166,7 +166,7 @@ def print_cases(cases: Sequence[Case]) -> None:
             took = f"{case.minutes:.0f} min" if case.minutes >= 1.0 else f"{60.0 * case.minutes:.0f} s"
             table.add_row(case.name, took, "slow" if case.slow else "", case.about)
         console.print(table)
-    console.print("\nTimes are for one core. Slow cases run with --slow, or by name.", highlight=False)
+    console.print("\nTimes are for one core. Slow cases run with --slow, or by name.", highlight=False, soft_wrap=True)
 
 
 def report(found: Sequence[tuple[str, Check]], broken: Sequence[str]) -> None:
@@ -179,7 +179,7 @@ def report(found: Sequence[tuple[str, Check]], broken: Sequence[str]) -> None:
     words = f"{sum(c.passed for c in limited)} of {len(limited)} limits met, {len(plain)} numbers reported without one"
     if lost := sum(not check.passed for check in plain):
         words += f" ({lost} of them not a number)"
-    console.print(words + (f", {len(broken)} cases stopped" if broken else ""), highlight=False)
+    console.print(words + (f", {len(broken)} cases stopped" if broken else ""), highlight=False, soft_wrap=True)
 
 
 def check_table(found: Sequence[tuple[str, Check]]) -> Table:
@@ -209,4 +209,4 @@ def draw(chosen: Sequence[Case], options: dict[str, Any], file: Path) -> None:
 
     for case in chosen:
         if case.figure is not None:
-            console.print(f"figure    {save_figure(case.figure(**options), file)}", highlight=False)
+            console.print(f"figure    {save_figure(case.figure(**options), file)}", highlight=False, soft_wrap=True)
