@@ -41,7 +41,7 @@ def main(
 ) -> None:
     """Predict how an off-road vehicle moves through shallow water on soft soil."""
     logging.basicConfig(
-        level=logging.WARNING, format="%(message)s", handlers=[RichHandler(console=errors, show_time=False)]
+        level=logging.WARNING, format="%(message)s", handlers=[RichHandler(console=errors, show_time=False, show_path=False)]
     )
 
 
