@@ -40,9 +40,8 @@ def main(
     ] = False,
 ) -> None:
     """Predict how an off-road vehicle moves through shallow water on soft soil."""
-    logging.basicConfig(
-        level=logging.WARNING, format="%(message)s", handlers=[RichHandler(console=errors, show_time=False, show_path=False)]
-    )
+    handler = RichHandler(console=errors, show_time=False, show_path=False)
+    logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
 
 
 COMMANDS: dict[str, Callable[..., None]] = {

@@ -17,6 +17,7 @@ import pytest
 
 from exumob.driving.maneuver import lane_change
 from exumob.ground.soil import Soil
+from exumob.simulation import water_models
 from exumob.simulation.run import simulate
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
@@ -91,3 +92,9 @@ def interruptible():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def fresh_warnings():
+    """Warnings that a process gives once are given again."""
+    water_models._warn_once.cache_clear()

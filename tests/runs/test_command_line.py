@@ -283,6 +283,7 @@ def test_networks_are_the_default(tmp_path):
         assert run["member_position"].sizes["member"] == 5
 
 
+@pytest.mark.usefixtures("fresh_warnings")
 def test_vehicle_that_the_networks_do_not_know_gets_the_coefficient_model(tmp_path, caplog):
     car = Path(__file__).parents[2] / "vehicle_models" / "light_4x4.py"
     answer = lane_change("--vehicle", car, "--output", tmp_path / "run.nc")

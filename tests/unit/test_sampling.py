@@ -71,6 +71,7 @@ def test_bad_names_and_values_are_named():
         base.with_values({"hydrodynamics": "networks", "hull.length": 1.2}).check()
 
 
+@pytest.mark.usefixtures("fresh_warnings")
 def test_one_model_serves_all_cases(caplog):
     """A sweep over the hull's length must not compare networks with coefficients."""
     base = amphibious_lane_change()

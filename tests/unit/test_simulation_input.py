@@ -181,6 +181,7 @@ def test_default_water_model_follows_the_water(vehicle, sand):
     assert 190.0 < float(wet["water_load"].sel(axis="z").sum("body").mean()) < 225.0  # of 559 N of weight
 
 
+@pytest.mark.usefixtures("fresh_warnings")
 def test_another_vehicle_gets_coefficients_and_a_warning(vehicle, sand, caplog):
     wider = replace(vehicle, track=0.70, name="wider")
     wet = simulate(wider, sand, Water.at_ratio(0.6), **STEPS)
