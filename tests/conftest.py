@@ -1,4 +1,4 @@
-"""What tests share: the vehicle, the soil and two runs of the reference maneuver (about 4 s each, made once)."""
+"""Shared by the tests: the vehicle, the soil and two runs of the reference maneuver (about 4 s each, made once)."""
 
 import math
 import os

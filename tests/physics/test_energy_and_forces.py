@@ -75,7 +75,7 @@ def test_kinetic_energy_is_that_of_the_bodies(dry_run, vehicle):
 
 
 @pytest.mark.parametrize("run", RUNS)
-def test_force_ledger(run, request):
+def test_force_balance(run, request):
     """Body by body, soil + water + gravity + suspension + constraints = mass * acceleration: 1e-4 of the weight."""
     assert float(np.abs(force_residual(request.getfixturevalue(run))).max()) < 1e-4 * WEIGHT
 
@@ -104,7 +104,7 @@ def test_acceleration_velocity_and_position_belong_together(dry_run):
         assert integral[:, 0] == pytest.approx(values[1:, 0] - values[0, 0], abs=tolerance), rate
 
 
-def test_hull_moment_ledger(vehicle, sand):
+def test_hull_moment_balance(vehicle, sand):
     """About the hull's centre of mass: suspension + constraints = d(I w)/dt; 1e-4 of weight times half a wheelbase.
 
     The suspension pushes along the hull's z axis at each wheel centre.
@@ -177,7 +177,7 @@ def test_reverse_is_the_opposite(vehicle, sand):
     assert float(steady["spin_power"].sum("wheel").min()) > 0.0
 
 
-def test_wishbone_vehicle_energy_and_ledger(sand):
+def test_wishbone_vehicle_energy_and_forces(sand):
     """The same balances for the full-scale vehicle: 1 % of the spin work, 1e-4 of the weight."""
     truck = light_4x4()
     turn = LaneChange(amplitude=math.radians(20.0), start=0.5, end=2.0, ramp_time=0.5, speed=4.0)

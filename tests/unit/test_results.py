@@ -195,7 +195,7 @@ def test_summary_of_a_real_run(dry_run):
     assert figures["real_time_factor"] == pytest.approx(8.0 / figures["wall_time"])
 
 
-def test_ledger_and_energy_residuals_see_an_error(short_run):
+def test_force_and_energy_residuals_see_an_error(short_run):
     """Checks that can fail: a force or a work left out shows up in full."""
     broken = short_run.assign(soil_load=short_run["soil_load"] * 0.9, work=short_run["work"] + 1.0)
     assert float(np.abs(force_residual(broken)).max()) > 5.0

@@ -164,7 +164,7 @@ def test_asking_for_the_prediction_changes_nothing(vehicle, sand):
     assert one["position"].values.tobytes() == two["position"].values.tobytes()
 
 
-def test_load_reaches_the_ledger(vehicle, sand):
+def test_load_reaches_the_force_balance(vehicle, sand):
     """100 N to the left on the hull from 0.1 s on, held over macro steps, in the hull's axes."""
     run = simulate(vehicle, sand, None, None, Told(push(100.0, 1)), **STEPS)
     pushed = run["water_wrench"].sel(body="hull", component="Fy").values
