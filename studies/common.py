@@ -1,4 +1,4 @@
-"""What the studies share: their command line, their folders, and how figures and tables are saved.
+"""Parts of all studies: their command line, their folders, and how figures and tables are saved.
 
 A study is a question, answered by a script: ``python studies/<name>.py`` computes the answer, saves its figures and
 tables in ``studies/figures`` and prints it. Its function `main` does the same from Python; with ``quick=True`` (or

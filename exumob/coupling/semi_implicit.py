@@ -237,7 +237,7 @@ def disturbed(states: BodyStates, change: Array, step: float) -> BodyStates:
     states : BodyStates
         n = 1.
     change : array, shape (6 bodies,)
-        Of linear and angular velocities, body axes [m/s, rad/s].
+        Change of linear and angular velocities, body axes [m/s, rad/s].
     step : float
         [s]; positions and rotations change by half of it times the change.
     """

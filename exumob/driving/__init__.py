@@ -1,1 +1,1 @@
-"""How the vehicle is driven: steering and wheel speed over time, or by a driver who looks."""
+"""Driving the vehicle: steering and wheel speed over time, or by a driver who looks."""

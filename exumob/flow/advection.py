@@ -86,7 +86,7 @@ def advect(
     cells : WaterCells
     area_fractions : AreaFractions
     axis : int
-        Of the component: 0 x, 1 y, 2 z.
+        Axis of the component: 0 x, 1 y, 2 z.
     dt : float
         [s]
     metrics : Metrics

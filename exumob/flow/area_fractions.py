@@ -25,7 +25,7 @@ FAR = 1.0e3
 
 
 class AreaFractions(NamedTuple):
-    """How far faces are open and how fast the solid moves there; per cell, how near which solid is."""
+    """Open share of the faces and velocity of the solid there; for each cell, the nearest solid and its distance."""
 
     bx: Array
     by: Array
@@ -86,9 +86,9 @@ def _distance_in_widths(
     r : array, shape (3, 3)
         Body -> grid.
     point : three floats
-        From the solid's origin, grid axes [m].
+        Vector from the solid's origin, grid axes [m].
     widths : three floats
-        Of the cell [m].
+        Widths of the cell [m].
     """
     x, y, z = point
     d, nx, ny, nz = measure(

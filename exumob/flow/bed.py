@@ -179,7 +179,7 @@ def lowest_bed(terrain: Terrain, frames: Array, grid_low: Array, grid_high: Arra
     grid_low, grid_high : array, shape (2,)
         Its corners in its own axes [m].
     spacing : float
-        Of the points looked at [m].
+        Spacing of the points looked at [m].
     """
     axes = [
         np.linspace(low, high, max(math.ceil((high - low) / spacing), 1) + 1)
@@ -258,7 +258,7 @@ def _level_share(height: float, a: float, b: float) -> float:
     Parameters
     ----------
     height : float
-        Of the face's centre above the bed [m].
+        Height of the face's centre above the bed [m].
     a, b : float
         Rise of the bed over the face's two widths, > 0 [m].
     """
@@ -313,9 +313,9 @@ def join(regions: NDArray[np.int64], bodies: AreaFractions, area_fractions: Area
     regions : array of int, shape (n, 6)
         Index boxes of the solids.
     bodies : AreaFractions
-        Of the solids alone.
+        Area fractions of the solids alone.
     area_fractions : AreaFractions, changed
-        Of the bed alone; then of both.
+        Area fractions of the bed alone; then of both.
     """
     o = area_fractions
     bx, by, bz = o.bx, o.by, o.bz  # Numba drops writes through a tuple inside prange

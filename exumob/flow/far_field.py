@@ -58,7 +58,7 @@ class FlowAlongY(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """How fast the far field draws the water towards still water or the current [1/s], halo included.
+    """Rates at which the far field draws the water towards still water or the current [1/s], halo included.
 
     Velocity components are taken on their faces: a rate half a cell off reflects waves and tells low sides from high.
     """
@@ -123,9 +123,9 @@ class FarField:
     ----------
     grid : Grid
     level : float
-        Of still water [m].
+        Height of still water [m].
     bed_heights : array, shape (ny, nx)
-        Of the bed [m]; kept, as a given bed moves below the grid.
+        Heights of the bed [m]; kept, as a given bed moves below the grid.
     settings : FlowSettings
     """
 

@@ -66,7 +66,7 @@ def pressure_loads(
     cells : WaterCells
         With the fraction at which the pressure was solved.
     bodies : AreaFractions
-        Of the solids alone, without a given bed.
+        Area fractions of the solids alone, without a given bed.
     solids : PlacedSolids
     fluid : Fluid
     dt : float

@@ -133,9 +133,9 @@ class Grid:
         cell_size : float
             In the core [m]; a gap between hull and wheel needs two cells.
         ahead, behind, aside : float
-            From the hull's reference point to the window's sides [m].
+            Distances from the hull's reference point to the window's sides [m].
         top : float
-            Of the window above z = 0 [m]; three times the depth or more.
+            Height of the window above z = 0 [m]; three times the depth or more.
         growth : float
             Ratio of neighbouring widths outside the core [-].
         bottom : float

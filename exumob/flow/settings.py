@@ -15,7 +15,7 @@ SURFACES = "thinc", "plic"
 
 @dataclass(frozen=True)
 class FlowSettings:
-    """How the flow is computed; the defaults are those of the vehicle runs.
+    """Settings of the flow solver; the defaults are those of the vehicle runs.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class FlowSettings:
         Whether the sides across x and across y are far field (the undisturbed current, with a zone before it that
         absorbs waves); walls otherwise.
     absorbing_width : float
-        Of that zone [m].
+        Width of that zone [m].
     absorbing_strength : float
         Relaxation rate at the very side, times the zone's width over sqrt(g depth) [-]; it falls with the cube of the
         distance. A long wave comes back from a side with exp(-strength / 2) of its height, one that meets it at an

@@ -158,7 +158,7 @@ def mesh_solid(triangles: Array, spacing: float, friction: float = HULL_FRICTION
         Corners in the solid's axes [m], counter-clockwise from outside (`exumob.water.wetted_surface.mesh_triangles`
         reads and checks a file).
     spacing : float
-        Of the samples [m]; half a cell of the flow's grid or less.
+        Spacing of the samples [m]; half a cell of the flow's grid or less.
     friction : float
         Skin-friction coefficient [-].
     """
@@ -209,7 +209,7 @@ def vehicle_solids(vehicle: Vehicle, cell_size: float, tread: Tread | None = Non
     ----------
     vehicle : Vehicle
     cell_size : float
-        Of the flow's grid [m]; a hull mesh is sampled at half of it.
+        Cell size of the flow's grid [m]; a hull mesh is sampled at half of it.
     tread : Tread or None
         Lugs of the wheels.
     """

@@ -137,7 +137,7 @@ class FlowSolver:
         time : float
             [s], after the present time.
         poses : Poses
-            Of the solids at `time`; may be left out without solids or with all at rest.
+            Poses of the solids at `time`; may be left out without solids or with all at rest.
 
         Returns
         -------

@@ -106,7 +106,7 @@ class TimeStep:
     far_field : FarField
         The window's sides.
     levels : Levels
-        Of the pressure's multigrid.
+        Levels of the pressure's multigrid.
     relative : three arrays
         Velocity relative to the grid on full faces [m/s].
     viscosity : array

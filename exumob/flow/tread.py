@@ -1,8 +1,8 @@
 """Tread of a wheel: lugs that stand out of the tyre and push water round. Off unless a solid is given one.
 
 The spin of a wheel is no part of the solid's velocity in projection and transport, since it is along the surface. What
-lugs do is put in explicitly as a body force in the ring that they sweep (`exumob.flow.lug_drag`), so that its size can
-be stated and varied.
+lugs do is put in explicitly as a body force in the ring that they sweep (`exumob.flow.forces.lug_drag`), so that its
+size can be stated and varied.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ class Tread:
     lug_count : int
         Round the circumference, 1 to 500.
     drag_coefficient : float
-        Of one lug [-]; 1.2: plate across the flow with a side ratio of 1 to 5 (Hoerner, Fluid-Dynamic Drag, 1965,
-        ch. 3: 1.17 to 1.20).
+        Drag coefficient of one lug [-]; 1.2: plate across the flow with a side ratio of 1 to 5 (Hoerner, Fluid-Dynamic
+        Drag, 1965, ch. 3: 1.17 to 1.20).
     """
 
     lug_height: float

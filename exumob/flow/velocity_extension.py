@@ -53,7 +53,7 @@ def extend(
         `near` is `REACH` cells wider than the water.
     area_fractions : AreaFractions
     axis : int
-        Of the component: 0 x, 1 y, 2 z.
+        Axis of the component: 0 x, 1 y, 2 z.
     far : float
         Undisturbed flow [m/s].
     dt : float

@@ -43,13 +43,13 @@ def refill(fraction: Array, heights: Array, top: int, nearest: NDArray[np.int8],
     fraction : array, changed
         [-]
     heights : array, shape (ny, nx)
-        Of the bed [m].
+        Heights of the bed [m].
     top : int
         First layer above all of the bed.
     nearest : array
         `AreaFractions.nearest`; cells nearer to a solid are left to `exumob.flow.surface_at_solids.refill_solids`.
     number : int
-        Of the bed in it.
+        Number of the bed in it.
     metrics : Metrics
     """
     ny, nz, nx = fraction.shape
@@ -126,7 +126,7 @@ def shear(
     out : three arrays, changed
         Velocity [m/s].
     velocity : three arrays
-        From which the shear is taken, absolute [m/s].
+        Velocity from which the shear is taken, absolute [m/s].
     cells : WaterCells
     area_fractions : AreaFractions
     bed : RoughBed

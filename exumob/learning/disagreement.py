@@ -38,7 +38,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Disagreement:
-    """How far the members of an ensemble are apart on a scenario that need not have been computed."""
+    """Disagreement of the members of an ensemble on a scenario that need not have been computed."""
 
     scenario: Scenario
     by_load: Array

@@ -34,7 +34,7 @@ from exumob.vehicle.parameters import Vehicle
 
 @dataclass(frozen=True)
 class Progress:
-    """How far the training of one network has got."""
+    """Progress of the training of one network."""
 
     preset: str
     seed: int

@@ -60,7 +60,7 @@ class MultibodyVehicle:
     micro_step : float
         Step of the time integration [s]; `HISTORY_STEP` must be a whole multiple of it.
     duration : float
-        Of the run [s]; history and records are kept for as long.
+        Duration of the run [s]; history and records are kept for as long.
     record_step : float
         Interval between records of all loads and reactions [s].
     standstill_rate : float

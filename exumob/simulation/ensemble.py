@@ -32,7 +32,7 @@ def add_members(
     Parameters
     ----------
     result : xarray.Dataset
-        Of `exumob.simulate` with `hydrodynamics`.
+        Result of `exumob.simulate` with `hydrodynamics`.
     vehicle, soil, water, maneuver
         As given to it.
     hydrodynamics : SurrogateHydrodynamics

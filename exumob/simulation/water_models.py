@@ -42,7 +42,7 @@ def hydrodynamics_named(
     networks : sequence of NetworkSet or path, optional
         Members of the ensemble. Default: the networks that come with exumob.
     coefficients : Coefficients, optional
-        Of the coefficient model. Default: the published ones.
+        Coefficients of the coefficient model. Default: the published ones.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""From one run to thousands: what is varied, how it is sampled, and how the cases are run and kept."""
+"""Many runs: names of what is varied, samples, and the cases run side by side and kept."""
 
 from exumob.sweeps.experiment import Experiment
 from exumob.sweeps.run import sweep

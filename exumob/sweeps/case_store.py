@@ -172,7 +172,7 @@ class CaseStore:
         (self.folder / "begun" / f"{number}.json").unlink(missing_ok=True)
 
     def read(self, number: int) -> dict[str, Any]:
-        """How a case ended, as `end` has kept it."""
+        """Return how a case ended, as `end` has kept it."""
         found: dict[str, Any] = json.loads(self._file(number).read_text())
         return found
 

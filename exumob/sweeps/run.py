@@ -31,7 +31,7 @@ CHECKED_VALUES = 50_000
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a sweep has got."""
+    """Progress of a sweep."""
 
     done: int
     """Number of cases that have ended with any status, those of earlier calls included"""

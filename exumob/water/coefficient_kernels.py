@@ -111,7 +111,7 @@ def filter_time(macro_step: float, added_mass: float, mass: float) -> float:
     macro_step : float
         [s]
     added_mass, mass : float
-        Of the same kind [kg or kg m^2].
+        Masses of the same kind [kg or kg m^2].
 
     Returns
     -------

@@ -155,7 +155,7 @@ def _add_surface(
     cells : array of int
         The cells i.
     shape : three ints
-        Of the fields.
+        Shape of the fields.
     flat : _Flat
         `theta` and `rhs` are changed.
     conditions, metrics
@@ -348,9 +348,9 @@ def _project_faces(faces: _FaceRow, heights: tuple[float, float], level: float, 
     faces : _FaceRow
         The velocity is changed.
     heights : two floats
-        Of the centres of the cells before and behind the faces [m].
+        Heights of the centres of the cells before and behind the faces [m].
     level : float
-        Of still water [m].
+        Height of still water [m].
     g : float
         Gravity times the step [m/s].
     """

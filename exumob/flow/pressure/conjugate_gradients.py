@@ -217,7 +217,7 @@ def conjugate_gradients(
 
 
 class Outcome(NamedTuple):
-    """How a pressure solution ended."""
+    """Outcome of a pressure solution."""
 
     iterations: int
     residual: float

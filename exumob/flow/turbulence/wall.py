@@ -25,7 +25,7 @@ class Walls(NamedTuple):
     """The walls that bound the water during a step."""
 
     area_fractions: AreaFractions
-    """What bed and solids leave open"""
+    """Area fractions that bed and solids leave open"""
     distance: Array
     """Signed distance of the cells' centres to the nearest solid, a given bed left out [m]"""
     nearest: NDArray[np.int8]
@@ -47,7 +47,7 @@ def friction_velocity(speed: float, distance: float, viscosity: float, roughness
     speed : float
         Along the wall, relative to it [m/s], >= 0.
     distance : float
-        From the wall [m], > 0.
+        Distance from the wall [m], > 0.
     viscosity : float
         Kinematic, molecular [m^2/s].
     roughness : float
@@ -75,7 +75,7 @@ def bed_shear(
     out : three arrays, changed
         Velocity [m/s].
     velocity : three arrays
-        From which the shear is taken [m/s].
+        Velocity from which the shear is taken [m/s].
     cells : WaterCells
     area_fractions : AreaFractions
     roughness : float
