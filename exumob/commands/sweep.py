@@ -59,8 +59,8 @@ def sweep_command(  # one argument an option of the command line
     from exumob.sweeps.study import from_options, read_study
 
     try:
-        if study is not None and (vary or fixed or vehicle):
-            raise ValueError("give a study file, or --vary, --set and --vehicle; not both.")
+        if study is not None and (vary or fixed or vehicle or setting is not SettingName.fast):
+            raise ValueError("give a study file, or --vary, --set, --setting and --vehicle; not both.")
         if study is not None:
             experiment, cases = read_study(study)
         else:
