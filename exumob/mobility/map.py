@@ -99,7 +99,8 @@ class MobilityMap:
             for name in (self.x.name, self.y.name):
                 if name in case:
                     raise ValueError(f"MobilityMap.panels: {panel!r} sets {name}, which is an axis; leave it out.")
-        one_model = self.crossing.experiment.with_one_model(list(self.panels.values()))
+        ends = [{axis.name: end} for axis in (self.x, self.y) for end in (axis.low, axis.high)]
+        one_model = self.crossing.experiment.with_one_model([*self.panels.values(), *ends])
         object.__setattr__(self, "crossing", replace(self.crossing, experiment=one_model))
         draws = self.factors()
         for case in self.panels.values():
