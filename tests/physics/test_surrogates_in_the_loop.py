@@ -57,20 +57,20 @@ def test_members_give_error_bars_on_the_path(vehicle, sand):
     files = shipped_networks()[:2]
     given = vehicle, sand, Water.at_ratio(0.5, 0.5), None
     steps = {"duration": 0.3, "micro_step": 5e-4, "macro_step": 20e-3}
-    told = []
+    times = []
     together = SurrogateHydrodynamics(files)
-    result = add_members(simulate(*given, together, **steps), *given, together, progress=told.append, **steps)
+    result = add_members(simulate(*given, together, **steps), *given, together, progress=times.append, **steps)
     alone = simulate(*given, SurrogateHydrodynamics(files[0]), **steps)
     np.testing.assert_array_equal(result["member_position"].values[0], alone["position"].sel(body="hull").values)
     spread = summary(result)["forward_spread"]
     ends = result["member_position"].sel(axis="x").values[:, -1]
     assert spread == pytest.approx(abs(ends[0] - ends[1]) / math.sqrt(2.0)) and spread > 0.0
-    assert told == sorted(told) and told[-1] == pytest.approx(0.3)
+    assert times == sorted(times) and times[-1] == pytest.approx(0.3)
     with pytest.raises(ValueError, match="1 network gives no spread"):
         add_members(alone, *given, SurrogateHydrodynamics(files[0]), **steps)
 
 
-def test_out_of_range_is_told_and_falls_back(vehicle, sand):
+def test_out_of_range_is_reported_and_falls_back(vehicle, sand):
     """A network that pushes with 2 N, trained up to 0.3 m/s: the coefficient model takes over, and the run says so."""
     narrow = {"input_low": np.full((5, 3), -0.3, np.float32), "input_high": np.full((5, 3), 0.3, np.float32)}
     pushing = residual(vehicle, 2.0, **narrow)

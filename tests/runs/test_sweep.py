@@ -56,12 +56,12 @@ def faulty(case):
 
 def test_results_and_parameters_are_gathered(tmp_path):
     cases = grid({"x": [1, 2, 3], "name": ["a", "b"]})
-    told = []
-    result = sweep(square, cases, tmp_path, progress=told.append)
+    reports = []
+    result = sweep(square, cases, tmp_path, progress=reports.append)
     assert list(result["square"].values) == [1, 1, 4, 4, 9, 9]
     assert list(result["x"].values) == [1, 1, 2, 2, 3, 3] and list(result["name"].values) == ["a", "b"] * 3
     assert set(result["status"].values) == {"completed"} and result.attrs["parameters"] == "x name"
-    assert told[0].done == 0 and told[-1].done == told[-1].total == 6
+    assert reports[0].done == 0 and reports[-1].done == reports[-1].total == 6
     with load_dataset(tmp_path / "sweep.nc") as kept:
         assert list(kept["square"].values) == list(result["square"].values)
 

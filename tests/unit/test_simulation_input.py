@@ -1,4 +1,4 @@
-"""simulate(): bad input before anything runs, what a water model is told, and runs that break or are stopped."""
+"""simulate(): bad input before anything runs, what a water model is given, and runs that break or are stopped."""
 
 import json
 import math
@@ -110,10 +110,10 @@ def test_steering_after_the_end_does_not_matter(vehicle, sand):
     assert simulate(vehicle, sand, None, late, **STEPS).attrs["status"] == "completed"
 
 
-# -- what a water model is told ----------------------------------------------------------------------------------------
+# -- what a water model is given ---------------------------------------------------------------------------------------
 
 
-class Told(NoWater):
+class Scripted(NoWater):
     """Keeps the calls of a run, and gives a load that depends on time; settling (the first start) is calm."""
 
     def __init__(self, load=lambda t: np.zeros((5, 6)), call_predict=False):
@@ -145,7 +145,7 @@ def push(force, component=2, begin=0.1):
 @pytest.mark.parametrize("macro_step", [1e-3, 5e-3, 20e-3, 5e-4, 2.5e-3])
 def test_history_reaches_up_to_now(vehicle, sand, macro_step):
     """Interface: states every 1 ms up to and including now, the last row."""
-    model = Told()
+    model = Scripted()
     simulate(vehicle, sand, None, None, model, duration=0.02, micro_step=5e-4, macro_step=macro_step)
     assert model.starts[-1] == macro_step
     for n, times in enumerate(model.times):
@@ -154,19 +154,19 @@ def test_history_reaches_up_to_now(vehicle, sand, macro_step):
 
 
 def test_prediction_is_for_the_end_of_the_macro_step(vehicle, sand):
-    model = Told(call_predict=True)
+    model = Scripted(call_predict=True)
     simulate(vehicle, sand, None, None, model, **STEPS)
     assert model.predicted == pytest.approx(20e-3 * np.arange(1, 11), abs=1e-9)
 
 
 def test_asking_for_the_prediction_changes_nothing(vehicle, sand):
-    one, two = (simulate(vehicle, sand, None, None, Told(call_predict=asked), **STEPS) for asked in (False, True))
+    one, two = (simulate(vehicle, sand, None, None, Scripted(call_predict=asked), **STEPS) for asked in (False, True))
     assert one["position"].values.tobytes() == two["position"].values.tobytes()
 
 
 def test_load_reaches_the_force_balance(vehicle, sand):
     """100 N to the left on the hull from 0.1 s on, held over macro steps, in the hull's axes."""
-    run = simulate(vehicle, sand, None, None, Told(push(100.0, 1)), **STEPS)
+    run = simulate(vehicle, sand, None, None, Scripted(push(100.0, 1)), **STEPS)
     pushed = run["water_wrench"].sel(body="hull", component="Fy").values
     assert (pushed[:11] == 0.0).all()
     assert (pushed[11:] == 100.0).all()
@@ -215,7 +215,7 @@ def test_water_model_without_water_is_dry_ground(vehicle, sand):
     assert idle["position"].values.tobytes() == dry["position"].values.tobytes()
 
 
-def test_progress_is_told_every_macro_step(vehicle, sand):
+def test_progress_is_called_every_macro_step(vehicle, sand):
     seen = []
     simulate(vehicle, sand, progress=seen.append, **STEPS)
     assert seen == pytest.approx(20e-3 * np.arange(1, 11), abs=1e-9)
@@ -246,7 +246,7 @@ def check_partial(error, vehicle, until):
 
 def test_a_wheel_that_sinks_ends_the_run(vehicle, sand):
     """The hull is pressed down ever harder."""
-    model = Told(lambda t: push(-3e4 * max(t - 0.1, 0.0))(t))
+    model = Scripted(lambda t: push(-3e4 * max(t - 0.1, 0.0))(t))
     with pytest.raises(SimulationError, match=r"amphibious: a wheel has sunk.*\d s .*firmer soil") as raised:
         simulate(vehicle, sand, None, None, model, duration=2.0, micro_step=5e-4, macro_step=20e-3)
     result = raised.value.result
@@ -280,8 +280,8 @@ def test_every_published_soil_carries_the_vehicle_or_is_too_soft(vehicle, name):
 
 
 def test_load_that_is_not_finite(vehicle, sand):
-    with pytest.raises(SimulationError, match=r"Told.*not finite at 0\.1000 s.*halve") as raised:
-        simulate(vehicle, sand, None, None, Told(push(math.nan)), **STEPS)
+    with pytest.raises(SimulationError, match=r"Scripted.*not finite at 0\.1000 s.*halve") as raised:
+        simulate(vehicle, sand, None, None, Scripted(push(math.nan)), **STEPS)
     check_partial(raised.value, vehicle, 0.1)
     assert "not finite" in raised.value.result.attrs["status"]
 
@@ -300,7 +300,7 @@ def test_load_that_is_not_finite_from_the_beginning(vehicle, sand):
 @pytest.mark.parametrize("force", [1e200, 1e12, -1e8])
 def test_absurd_loads_break_the_run_and_keep_it(vehicle, sand, force):
     with pytest.raises(SimulationError, match=r"amphibious.* at 0\.1\d* s") as raised:
-        simulate(vehicle, sand, None, None, Told(push(force, 0)), **STEPS)
+        simulate(vehicle, sand, None, None, Scripted(push(force, 0)), **STEPS)
     check_partial(raised.value, vehicle, 0.1)
 
 
@@ -313,14 +313,14 @@ def test_error_in_a_water_model_keeps_what_was_computed(vehicle, sand):
         return np.zeros((5, 6))
 
     with pytest.raises(SimulationError, match="pressure solver diverged") as raised:
-        simulate(vehicle, sand, None, None, Told(fail), **STEPS)
+        simulate(vehicle, sand, None, None, Scripted(fail), **STEPS)
     check_partial(raised.value, vehicle, 0.1)
 
 
 @pytest.mark.parametrize("shape", [(4, 6), (5, 3), (30,), (6,), (1, 6)])
 def test_load_of_a_wrong_shape_is_named(vehicle, sand, shape):
-    with pytest.raises((SimulationError, ValueError), match=r"Told.*shape|shape.*Told"):
-        simulate(vehicle, sand, None, None, Told(lambda t: np.zeros(shape)), **STEPS)
+    with pytest.raises((SimulationError, ValueError), match=r"Scripted.*shape|shape.*Scripted"):
+        simulate(vehicle, sand, None, None, Scripted(lambda t: np.zeros(shape)), **STEPS)
 
 
 # -- Ctrl-C ------------------------------------------------------------------------------------------------------------
@@ -394,7 +394,7 @@ def test_interrupt_while_settling_is_a_keyboard_interrupt(vehicle, sand):
 def test_a_run_after_a_broken_one_is_as_good_as_new(vehicle, sand):
     before = simulate(vehicle, sand, **STEPS)
     with pytest.raises(SimulationError):
-        simulate(vehicle, sand, None, None, Told(push(1e200)), **STEPS)
+        simulate(vehicle, sand, None, None, Scripted(push(1e200)), **STEPS)
     after = simulate(vehicle, sand, **STEPS)
     assert before["position"].values.tobytes() == after["position"].values.tobytes()
 
