@@ -186,7 +186,8 @@ def lane_change_command(  # one argument an option of the command line
         errors.print(
             f"{checkpoint} holds the run: the same command with --resume goes on.", highlight=False, soft_wrap=True
         )
-    _report(result, targets, setting.value if micro_step is None and macro_step is None else None)
+    measured = vehicle is None and hydrodynamics is not WaterModel.cfd and micro_step is None and macro_step is None
+    _report(result, targets, f"{setting.value}: {SETTINGS[setting.value].error}" if measured else "")
     raise typer.Exit(code)
 
 
@@ -221,7 +222,7 @@ def _scheme(name: Scheme) -> Coupling:
     return {Scheme.explicit: Explicit, Scheme.semi_implicit: SemiImplicit, Scheme.strong: Strong}[name]()
 
 
-def _report(result: xr.Dataset, targets: dict[str, Path | None], setting: str | None) -> None:
+def _report(result: xr.Dataset, targets: dict[str, Path | None], setting: str) -> None:
     from exumob.simulation.animation import animate_run
     from exumob.simulation.plotting import plot_run
     from exumob.simulation.summary import summary
@@ -234,7 +235,7 @@ def _report(result: xr.Dataset, targets: dict[str, Path | None], setting: str | 
     write_result(result, targets, plot_run, animate)
 
 
-def _print_summary(result: xr.Dataset, figures: dict[str, float], setting: str | None) -> None:
+def _print_summary(result: xr.Dataset, figures: dict[str, float], setting: str) -> None:
     from exumob.simulation.plotting import scenario_name
 
     lines = {
@@ -247,7 +248,7 @@ def _print_summary(result: xr.Dataset, figures: dict[str, float], setting: str |
         "slip": f"{100 * figures['mean_slip']:.1f} % (mean of the wheels, second half)",
         "buoyed weight": f"{100 * figures['buoyed_share']:.1f} % carried by the water (mean)",
         "driving energy": f"{figures['spin_energy']:.1f} J",
-        **({} if setting is None else {"setting": f"{setting}: {SETTINGS[setting].error}"}),
+        **({"setting": setting} if setting else {}),
         **_range_lines(figures),
         **_member_lines(figures),
         "wall time": f"{figures['wall_time']:.2f} s, and {float(result.attrs['settling_wall_time']):.2f} s to settle",

@@ -36,7 +36,7 @@ def simulated_time_bar(
 
         def reached(time: float) -> None:
             bar.update(
-                task, completed=time + lead, now=time, description=during if time > 0.0 else "developing the water"
+                task, completed=time + lead, now=time, description=during if time > 0.0 else "spin-up of the water"
             )  # fmt: skip
 
         yield reached

@@ -137,7 +137,8 @@ class Experiment:
         if name in ("hydrodynamics", "setting"):
             return replace(self, **{name: value})
         if name == "hydrodynamics.member":
-            return replace(self, member=None if value is None else int(value))
+            chosen = "networks" if self.hydrodynamics == "auto" and value is not None else self.hydrodynamics
+            return replace(self, hydrodynamics=chosen, member=None if value is None else int(value))
         if owner == "hydrodynamics":
             return replace(self, coefficients=_replaced(self.coefficients, rest, value))
         if name == "water.depth_ratio":
@@ -184,10 +185,14 @@ class Experiment:
         """Choose the model of the water's loads for all cases, so that none differs from another by its model.
 
         ``"auto"`` becomes ``"networks"`` if those that come with exumob fit the vehicle of every case, and
-        ``"coefficients"`` otherwise, with a warning.
+        ``"coefficients"`` otherwise, with a warning; where a member of the ensemble is named, networks are asked for.
         """
-        if self.hydrodynamics != "auto":
+        names = {name for case in cases for name in case}
+        dry = self.water is None and not any(name.startswith("water.") for name in names)
+        if self.hydrodynamics != "auto" or dry:
             return self
+        if self.member is not None or "hydrodynamics.member" in names:
+            return replace(self, hydrodynamics="networks")
         for name in GEOMETRY:
             for value in {repr(case[name]): case[name] for case in cases if name in case}.values():
                 changed = self._with(name, value)

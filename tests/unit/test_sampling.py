@@ -81,6 +81,12 @@ def test_one_model_serves_all_cases(caplog):
     assert "hull.length = 1.2" in caplog.text
     chosen = replace(base, hydrodynamics="coefficients")
     assert chosen.with_one_model([{"soil.n": 0.9}]) is chosen
+    dry = replace(base, water=None)
+    assert dry.with_one_model([{"soil.n": 0.9}]) is dry
+    assert base.with_values({"hydrodynamics.member": 1}).hydrodynamics == "networks"
+    other = base.with_values({"hull.length": 1.2}).with_one_model([{"hydrodynamics.member": 1}])
+    with pytest.raises(ValueError, match="they were trained with"):  # members of networks that do not fit
+        other.water_model()
 
 
 # -- samples -----------------------------------------------------------------------------------------------------------
