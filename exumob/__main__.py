@@ -29,7 +29,7 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        console.print(f"exumob {metadata.version('exumob')}", highlight=False)
+        console.print(f"exumob {metadata.version('exumob')}")
         raise typer.Exit
 
 

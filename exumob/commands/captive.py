@@ -118,7 +118,7 @@ def captive_command(  # one argument an option of the command line
         )  # fmt: skip
     _report(result, targets)
     if series:
-        console.print(f"ParaView  {series.file}", highlight=False, soft_wrap=True)
+        console.print(f"ParaView  {series.file}", soft_wrap=True)
     raise typer.Exit(code)
 
 

@@ -34,4 +34,4 @@ def export_command(
         fail(ImportError(f"{error}; the export needs onnx: pip install 'exumob[onnx]'"))
     base = found.architecture.base
     added = "" if base == "none" else f"; to its loads those of the model '{base}' are to be added"
-    console.print(f"{file}: {found.name}{added}", highlight=False, soft_wrap=True)
+    console.print(f"{file}: {found.name}{added}", soft_wrap=True)

@@ -82,7 +82,7 @@ def lane_change_command(  # one argument an option of the command line
         option(
             WATER,
             "Model of the water's loads. auto: networks where they fit the vehicle, else coefficients; cfd: the flow "
-            "solver in the loop (half an hour).",
+            "solver in the loop (half an hour to an hour on 18 mm cells).",
         ),
     ] = WaterModel.auto,
     networks: Annotated[
@@ -178,14 +178,10 @@ def lane_change_command(  # one argument an option of the command line
             with simulated_time_bar(duration, "settling", "members") as advance:
                 result = add_members(result, car, ground, water, maneuver, model, progress=advance, **steps)
         except KeyboardInterrupt:
-            errors.print(
-                "[yellow]Stopped among the members[/yellow]; the run itself follows.", highlight=False, soft_wrap=True
-            )
+            errors.print("Stopped among the members; the run itself follows.", style="yellow")
             code = 130
     if code and checkpoint is not None and checkpoint.exists():
-        errors.print(
-            f"{checkpoint} holds the run: the same command with --resume goes on.", highlight=False, soft_wrap=True
-        )
+        errors.print(f"{checkpoint} holds the run: the same command with --resume goes on.", soft_wrap=True)
     measured = vehicle is None and hydrodynamics is not WaterModel.cfd and micro_step is None and macro_step is None
     _report(result, targets, f"{setting.value}: {SETTINGS[setting.value].error}" if measured else "")
     raise typer.Exit(code)
@@ -255,7 +251,7 @@ def _print_summary(result: xr.Dataset, figures: dict[str, float], setting: str) 
         "real-time factor": f"{figures['real_time_factor']:.2f} (simulated over wall time)",
     }
     for name, text in lines.items():
-        console.print(f"[bold]{name:<21}[/bold] {text}", highlight=False, soft_wrap=True)
+        console.print(f"{name:<21} {text}", soft_wrap=True)
 
 
 def _range_lines(figures: dict[str, float]) -> dict[str, str]:

@@ -89,7 +89,7 @@ def map_command(  # one argument an option of the command line
     except (ValueError, RuntimeError, OSError) as error:
         fail(error)
     except KeyboardInterrupt:
-        errors.print(f"Stopped; the same command goes on with {output}.", highlight=False, soft_wrap=True)
+        errors.print(f"Stopped; the same command goes on with {output}.", soft_wrap=True)
         raise typer.Exit(130) from None
     for panel in result["panel"].values:
         at = result.sel(panel=panel)
@@ -98,12 +98,12 @@ def map_command(  # one argument an option of the command line
         console.print(
             f"{panel}: go at {int(go.sum())}, no go at {int((known & ~go).sum())}, outside the training range at "
             f"{int((~known).sum())} of {go.size} nodes",
-            highlight=False,
+            soft_wrap=True,
         )
-    console.print(f"result    {output / 'map.nc'}", highlight=False, soft_wrap=True)
+    console.print(f"result    {output / 'map.nc'}", soft_wrap=True)
     if csv is not None:
         result.to_dataframe().to_csv(csv)
-        console.print(f"table     {csv}", highlight=False, soft_wrap=True)
+        console.print(f"table     {csv}", soft_wrap=True)
     if figure is not None:
         import matplotlib
 
@@ -111,7 +111,7 @@ def map_command(  # one argument an option of the command line
         from exumob.mobility.map_figure import plot_map
         from exumob.support.figures import save_figure
 
-        console.print(f"figure    {save_figure(plot_map(result), figure)}", highlight=False, soft_wrap=True)
+        console.print(f"figure    {save_figure(plot_map(result), figure)}", soft_wrap=True)
 
 
 def _span(option: str, text: str) -> tuple[float, float]:

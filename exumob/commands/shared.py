@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from exumob.vehicle.parameters import Vehicle
 
-console = Console()
-errors = Console(stderr=True)
+console = Console(markup=False, highlight=False)
+errors = Console(stderr=True, markup=False, highlight=False)
 
 
 @contextmanager
@@ -63,16 +63,17 @@ def whatever_was_computed(run: Callable[[], xr.Dataset], output: Path | None) ->
     except SimulationError as error:
         if error.result is None:
             fail(error)
-        errors.print(f"[red]{error}[/red]\nWhat was computed until then follows.", highlight=False, soft_wrap=True)
+        errors.print(str(error), style="red", soft_wrap=True)
+        errors.print("What was computed until then follows.")
         if output is not None and error.state is not None:
             import numpy as np
 
             target = output.with_suffix(".state.npz")
             np.savez(target, **error.state)
-            errors.print(f"Flow before the failed step (FlowSolver.restore): {target}", highlight=False, soft_wrap=True)
+            errors.print(f"Flow before the failed step (FlowSolver.restore): {target}", soft_wrap=True)
         return error.result, 1
     except SimulationInterrupted as stop:
-        errors.print(f"[yellow]{stop}[/yellow]; what was computed until then follows.", highlight=False, soft_wrap=True)
+        errors.print(f"{stop}; what was computed until then follows.", style="yellow", soft_wrap=True)
         return stop.result, 130
 
 
@@ -88,7 +89,7 @@ def vehicle_of(file: Path | None) -> Vehicle:
 
 def fail(error: Exception) -> NoReturn:
     """Say the error and leave with exit code 2."""
-    errors.print(f"[red]{error}[/red]", highlight=False, soft_wrap=True)
+    errors.print(str(error), style="red", soft_wrap=True)
     raise typer.Exit(2)
 
 
@@ -127,11 +128,11 @@ def write_result(
     from exumob.simulation.result_files import save_dataset
 
     if targets["--output"]:
-        console.print(f"result    {save_dataset(result, targets['--output'])}", highlight=False, soft_wrap=True)
+        console.print(f"result    {save_dataset(result, targets['--output'])}", soft_wrap=True)
     if not (targets["--figure"] or targets["--animate"]):
         return
     if result.sizes["time"] < 3:
-        errors.print("[yellow]too little was computed to draw it[/yellow]")
+        errors.print("too little was computed to draw it", style="yellow")
         return
     import matplotlib
 
@@ -139,8 +140,8 @@ def write_result(
     from exumob.support.figures import save_figure
 
     if targets["--figure"]:
-        console.print(f"figure    {save_figure(plot(result), targets['--figure'])}", highlight=False, soft_wrap=True)
+        console.print(f"figure    {save_figure(plot(result), targets['--figure'])}", soft_wrap=True)
     if targets["--animate"]:
         with errors.status("drawing the animation"):
             animate(result, targets["--animate"])
-        console.print(f"animation {targets['--animate']}", highlight=False, soft_wrap=True)
+        console.print(f"animation {targets['--animate']}", soft_wrap=True)

@@ -24,7 +24,7 @@ from exumob.commands.shared import console, counting_bar, errors, fail
 def sweep_command(  # one argument an option of the command line
     study: Annotated[
         Path | None,
-        typer.Argument(help="Study file (.toml), in place of the options below; see exumob/sweeps/study.py."),
+        typer.Argument(help="Study file (.toml), in place of the options below; see docs/howto/sweeps.md."),
     ] = None,
     vary: Annotated[
         list[str] | None,
@@ -79,17 +79,15 @@ def sweep_command(  # one argument an option of the command line
     except (ValueError, RuntimeError, OSError) as error:
         fail(error)
     except KeyboardInterrupt:
-        errors.print(f"Stopped; the same command goes on with {output}.", highlight=False, soft_wrap=True)
+        errors.print(f"Stopped; the same command goes on with {output}.", soft_wrap=True)
         raise typer.Exit(130) from None
     status = result["status"].values
     for name in sorted(set(status)):
-        console.print(
-            f"{name:<12} {int((status == name).sum())} of {len(status)} cases", highlight=False, soft_wrap=True
-        )
+        console.print(f"{name:<12} {int((status == name).sum())} of {len(status)} cases", soft_wrap=True)
     for row in range(len(status)):
         if status[row] != "completed":
             example = ", ".join(f"{name} = {value}" for name, value in cases[row].items())
             reason = str(result["reason"].values[row])
-            console.print(f"the first that was not completed: {example}: {reason}", highlight=False, soft_wrap=True)
+            console.print(f"the first that was not completed: {example}: {reason}", soft_wrap=True)
             break
-    console.print(f"result       {output / 'sweep.nc'}", highlight=False, soft_wrap=True)
+    console.print(f"result       {output / 'sweep.nc'}", soft_wrap=True)

@@ -52,9 +52,7 @@ def train_command(
             name = f"{step.preset}, seed {step.seed}, {step.body}"
             bar.update(task, description=f"{name}: epoch {step.epoch}, {step.loss:.4f}", advance=1 if step.done else 0)
             if step.done:
-                console.print(
-                    f"{name}: {step.epoch} epochs, validation error {step.loss:.4f}", highlight=False, soft_wrap=True
-                )
+                console.print(f"{name}: {step.epoch} epochs, validation error {step.loss:.4f}", soft_wrap=True)
 
         try:
             files = train(
@@ -63,7 +61,7 @@ def train_command(
         except (ValueError, RuntimeError) as error:
             fail(error)
         except KeyboardInterrupt:
-            errors.print(f"Stopped; the same command goes on with {output}.", highlight=False, soft_wrap=True)
+            errors.print(f"Stopped; the same command goes on with {output}.", soft_wrap=True)
             raise typer.Exit(130) from None
     import matplotlib
 
@@ -75,6 +73,4 @@ def train_command(
     for name in wanted:
         sets = [NetworkSet.load(file) for (preset_name, _), file in files.items() if preset_name == name]
         curves = save_figure(plot_learning_curves(sets), output / f"{name}_curves.png")
-        console.print(
-            f"{name}: {len(sets)} files in {output}, learning curves {curves}", highlight=False, soft_wrap=True
-        )
+        console.print(f"{name}: {len(sets)} files in {output}, learning curves {curves}", soft_wrap=True)

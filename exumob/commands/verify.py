@@ -16,6 +16,7 @@ from rich import box
 from rich.logging import RichHandler
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from exumob.commands.shared import check_targets, console, errors, fail
 
@@ -83,7 +84,7 @@ def verify_command(
             write_table(found, output)
     report(found, broken)
     if output:
-        console.print(f"table     {output}", highlight=False, soft_wrap=True)
+        console.print(f"table     {output}", soft_wrap=True)
     if figure and not broken:
         draw(chosen, options, figure)
     raise typer.Exit(1 if broken or not all(check.passed for _, check in found) else 0)
@@ -158,7 +159,7 @@ def print_cases(cases: Sequence[Case]) -> None:
     """Print questions, and under each the names, run times and subjects of its cases."""
     width = max(len(case.name) for case in cases)
     for question, group in itertools.groupby(cases, key=lambda case: case.question):
-        console.print(f"\n[bold]{question}[/bold]", highlight=False, soft_wrap=True)
+        console.print(f"\n{question}", style="bold")
         table = Table.grid(padding=(0, 2, 0, 0))
         for column in ({"width": width}, {"width": 6, "justify": "right"}, {"width": 4}, {}):
             table.add_column(**column)
@@ -166,20 +167,21 @@ def print_cases(cases: Sequence[Case]) -> None:
             took = f"{case.minutes:.0f} min" if case.minutes >= 1.0 else f"{60.0 * case.minutes:.0f} s"
             table.add_row(case.name, took, "slow" if case.slow else "", case.about)
         console.print(table)
-    console.print("\nTimes are for one core. Slow cases run with --slow, or by name.", highlight=False, soft_wrap=True)
+    console.print("\nTimes are for one core. Slow cases run with --slow, or by name.")
+    console.print("The first case compiles the flow solver, which takes about two minutes once.")
 
 
 def report(found: Sequence[tuple[str, Check]], broken: Sequence[str]) -> None:
     """Print the table of checks, cases that stopped, and how many limits are met."""
     console.print(check_table(found))
     for line in broken:
-        errors.print(f"[red]{line}[/red]", highlight=False, soft_wrap=True)
+        errors.print(line, style="red", soft_wrap=True)
     limited = [check for _, check in found if check.limited]
     plain = [check for _, check in found if not check.limited]
     words = f"{sum(c.passed for c in limited)} of {len(limited)} limits met, {len(plain)} numbers reported without one"
     if lost := sum(not check.passed for check in plain):
         words += f" ({lost} of them not a number)"
-    console.print(words + (f", {len(broken)} cases stopped" if broken else ""), highlight=False, soft_wrap=True)
+    console.print(words + (f", {len(broken)} cases stopped" if broken else ""), soft_wrap=True)
 
 
 def check_table(found: Sequence[tuple[str, Check]]) -> Table:
@@ -194,11 +196,11 @@ def check_table(found: Sequence[tuple[str, Check]]) -> Table:
     before = ""
     for case, check in found:
         if case != before:
-            table.add_row(f"[bold]{case}[/bold]")
+            table.add_row(case, style="bold")
         _, name, *numbers, unit, result = row(case, check)
         colour = {"pass": "green", "MISS": "bold red", "reported": "dim"}[result]
-        name = name if unit == "-" else f"{name} \\[{unit}]"
-        table.add_row(f"  {name}", *numbers, f"[{colour}]{result}[/{colour}]")
+        name = name if unit == "-" else f"{name} [{unit}]"
+        table.add_row(f"  {name}", *numbers, Text(result, style=colour))
         before = case
     return table
 
@@ -209,4 +211,4 @@ def draw(chosen: Sequence[Case], options: dict[str, Any], file: Path) -> None:
 
     for case in chosen:
         if case.figure is not None:
-            console.print(f"figure    {save_figure(case.figure(**options), file)}", highlight=False, soft_wrap=True)
+            console.print(f"figure    {save_figure(case.figure(**options), file)}", soft_wrap=True)
