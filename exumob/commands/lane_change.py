@@ -232,11 +232,11 @@ def _report(result: xr.Dataset, targets: dict[str, Path | None], setting: str) -
 
 
 def _print_summary(result: xr.Dataset, figures: dict[str, float], setting: str) -> None:
-    from exumob.simulation.plotting import scenario_name
+    from exumob.simulation.plotting import water_label
 
     lines = {
-        "run": f"{result.attrs['title'].removeprefix('exumob run of ')}, {scenario_name(result)}, "
-        f"{result.attrs['hydrodynamics']}; {result.attrs['status'].split(':')[0]}",
+        "run": f"{result.attrs['title'].removeprefix('exumob run of ')}, {water_label(result)}; "
+        f"{result.attrs['status'].split(':')[0]}",
         "distance": f"{figures['distance']:.3f} m along the path, {figures['forward']:.3f} m forward",
         "lateral displacement": f"{figures['lateral']:+.3f} m",
         "final yaw": f"{math.degrees(figures['yaw']):+.2f} deg",

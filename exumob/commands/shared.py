@@ -32,7 +32,7 @@ def simulated_time_bar(
         TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[now]:.2f} of {task.fields[end]:g} s"),
         TimeRemainingColumn(), console=errors, transient=True,
     ) as bar:  # fmt: skip
-        task = bar.add_task(before, total=duration + lead, now=-lead, end=duration)
+        task = bar.add_task(before, total=duration + lead, now=0.0 - lead, end=duration)
 
         def reached(time: float) -> None:
             bar.update(

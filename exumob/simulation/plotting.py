@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from exumob.simulation.water_models import NAMES
 from exumob.support.arrays import Array
 from exumob.support.figures import BODY_COLOR, STYLE, WATER_COLOR
 from exumob.vehicle.motion import WHEELS
@@ -31,6 +32,12 @@ def scenario_name(dataset: xr.Dataset) -> str:
         return "no water"
     ratio = water["depth"] / _parameters(dataset, "vehicle")["wheel"]["diameter"]
     return f"D{100 * ratio:.0f}/U{water['current_speed']:g}"
+
+
+def water_label(dataset: xr.Dataset) -> str:
+    """Scenario and model of the water's loads in words: "D60/U1, networks", or "no water"."""
+    model = dataset.attrs["hydrodynamics"]
+    return ", ".join(dict.fromkeys([scenario_name(dataset), NAMES.get(model, model)]))
 
 
 def vehicle_outlines(dataset: xr.Dataset, index: int) -> list[Array]:
@@ -128,10 +135,7 @@ def plot_run(dataset: xr.Dataset) -> Figure:
         plot_path(grid["path"], dataset)
         vehicle = _parameters(dataset, "vehicle")["name"]
         soil = _parameters(dataset, "soil")["name"] or "soil"
-        grid["path"].set_title(
-            f"{vehicle} on {soil}, {scenario_name(dataset)}, {dataset.attrs['hydrodynamics']} "
-            "(outline every second; circle: start)"
-        )
+        grid["path"].set_title(f"{vehicle} on {soil}, {water_label(dataset)} (outline every second; circle: start)")
         grid["path"].plot(*dataset["position"].values[0, 0, :2], "o", color="C0", ms=4)
         draw_current(grid["path"], dataset)
         grid["path"].margins(x=0.03, y=0.25)

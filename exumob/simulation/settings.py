@@ -37,9 +37,9 @@ class Setting:
 SETTINGS = {
     "fast": Setting(
         "fast", 5.0e-4, 20.0e-3, 2.0e-3,
-        "the lane change ends within 14 mm (0.5 % of the path) and 0.05 deg of fine",
+        "the lane change of the paper ends within 14 mm (0.5 % of the path) and 0.05 deg of fine",
     ),
-    "fine": Setting("fine", 1.0e-4, 1.0e-3, 1.0e-3, "the reference: the steps of the paper"),
+    "fine": Setting("fine", 1.0e-4, 1.0e-3, 1.0e-3, "the steps of the paper, against which fast is measured"),
 }  # fmt: skip
 """The settings by name; the paper uses both (Sec. 5.3).
 

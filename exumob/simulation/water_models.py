@@ -19,6 +19,13 @@ logger = logging.getLogger(__name__)
 MODELS = ("auto", "networks", "coefficients", "none")
 """Names of the models; ``"auto"`` takes networks where they fit the vehicle."""
 DEFAULT_MODEL = "auto"
+NAMES = {
+    "SurrogateHydrodynamics": "networks",
+    "CoefficientHydrodynamics": "coefficients",
+    "CfdHydrodynamics": "flow in the loop",
+    "NoWater": "no water",
+}
+"""Names of the classes of models for people; a result keeps the name of the class."""
 
 
 def hydrodynamics_named(

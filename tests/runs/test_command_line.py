@@ -278,7 +278,7 @@ def test_flow_in_the_loop_is_animated_with_its_surface(tmp_path):
 def test_networks_are_the_default(tmp_path):
     answer = lane_change("--members", "--output", tmp_path / "run.nc")
     assert answer.exit_code == 0, answer.output
-    assert "SurrogateHydrodynamics" in answer.output and "members' spread" in answer.output
+    assert "networks" in answer.output and "members' spread" in answer.output
     with load_dataset(tmp_path / "run.nc") as run:
         assert run["member_position"].sizes["member"] == 5
 
