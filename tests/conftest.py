@@ -83,6 +83,21 @@ def short_run(vehicle, sand):
     return simulate(vehicle, sand, Water.at_ratio(0.6, 1.0), lane_change(), "coefficients", duration=0.2, **COARSE)
 
 
+@pytest.fixture(scope="session")
+def runs(vehicle, sand):
+    """Half a second of driving in three waters, with the coefficient model's loads."""
+    from exumob.learning.dataset import pack
+
+    found = {}
+    for name, depth, current in (("D40/U0", 0.08, 0.0), ("D50/U0.5", 0.1, 0.5), ("D60/U1", 0.12, 1.0)):
+        run = simulate(
+            vehicle, sand, Water(depth, current), lane_change(), "coefficients", duration=0.5, micro_step=5e-4,
+            macro_step=1e-3, record_step=1e-3,
+        )  # fmt: skip
+        found[name] = pack(run).assign_attrs(scenario=name)
+    return found
+
+
 @pytest.fixture
 def interruptible():
     """Ctrl-C interrupts this process and its children, though a shell that runs tests in the background ignores it.

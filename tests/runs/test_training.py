@@ -6,32 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exumob.driving.maneuver import lane_change
-from exumob.learning.dataset import VARIABLES, body_states, load_runs, pack, water_of
+from exumob.learning.dataset import VARIABLES, body_states, load_runs, water_of
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
-from exumob.simulation.run import simulate
 from exumob.surrogates.inputs import network_inputs
 from exumob.surrogates.networks import Architecture, NetworkSet
-from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 
 pytest.importorskip("torch")
 from exumob.learning.evaluation import open_loop, predicted_loads
 from exumob.learning.presets import Preset
 from exumob.learning.training import train
-
-
-@pytest.fixture(scope="module")
-def runs(vehicle, sand):
-    """Half a second of driving in three waters, with the coefficient model's loads."""
-    found = {}
-    for name, depth, current in (("D40/U0", 0.08, 0.0), ("D50/U0.5", 0.1, 0.5), ("D60/U1", 0.12, 1.0)):
-        run = simulate(
-            vehicle, sand, Water(depth, current), lane_change(), "coefficients", duration=0.5, micro_step=5e-4,
-            macro_step=1e-3, record_step=1e-3,
-        )  # fmt: skip
-        found[name] = pack(run).assign_attrs(scenario=name)
-    return found
 
 
 def test_training_learns_and_is_reproducible_and_resumed(runs, vehicle, tmp_path):

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from exumob.__main__ import app
 from exumob.driving.maneuver import lane_change
-from exumob.learning.dataset import body_states, pack, usable, water_of
+from exumob.learning.dataset import body_states, usable, water_of
 from exumob.paper.scenarios import UNSEEN
 from exumob.simulation.result_files import save_dataset
 from exumob.simulation.run import simulate
@@ -25,19 +25,6 @@ from exumob.learning.onnx_export import export_onnx
 from exumob.learning.torch_networks import LoadNetwork
 
 SHAPES = [SMALL, replace(SMALL, layer="dense"), replace(SMALL, layer="polynomial", taps=1)]
-
-
-@pytest.fixture(scope="module")
-def runs(vehicle, sand):
-    """Half a second of driving in three waters, with the coefficient model's loads."""
-    found = {}
-    for name, depth, current in (("D40/U0", 0.08, 0.0), ("D50/U0.5", 0.1, 0.5), ("D60/U1", 0.12, 1.0)):
-        run = simulate(
-            vehicle, sand, Water(depth, current), lane_change(), "coefficients", duration=0.5, micro_step=5e-4,
-            macro_step=1e-3, record_step=1e-3,
-        )  # fmt: skip
-        found[name] = pack(run).assign_attrs(scenario=name)
-    return found
 
 
 @pytest.mark.parametrize("architecture", SHAPES, ids=lambda a: a.layer)

@@ -39,11 +39,16 @@ def nothing_runs(monkeypatch):
 
 
 @pytest.mark.usefixtures("nothing_runs")
-@pytest.mark.parametrize("field", ["duration", "micro_step", "macro_step", "record_step"])
-@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, "1", None])
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        (field, value)
+        for field in ("duration", "micro_step", "macro_step", "record_step")
+        for value in (0.0, -1.0, math.nan, math.inf, "1", None)
+        if not (value is None and field in ("micro_step", "macro_step"))  # None: by the setting
+    ],
+)
 def test_bad_step_or_duration_is_named(vehicle, sand, field, value):
-    if value is None and field in ("micro_step", "macro_step"):
-        pytest.skip("None: by the setting")
     with pytest.raises(ValueError, match=rf"{field} = .*{value}.*(must be > 0|not a finite number).*give"):
         simulate(vehicle, sand, **(STEPS | {field: value}))
 

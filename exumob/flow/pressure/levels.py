@@ -53,11 +53,11 @@ class Level(NamedTuple):
     first_x: NDArray[np.int32]
     first_y: NDArray[np.int32]
     """The cell of the next finer level that a cell begins with, halo included"""
-    twin_x: Single
-    twin_y: Single
+    is_pair_x: Single
+    is_pair_y: Single
     """1 if it joins two of these, else 0"""
-    closer_x: Single
-    closer_y: Single
+    distance_ratio_x: Single
+    distance_ratio_y: Single
     """Distance of the finer cells on both sides of its low face over the distance of the cells themselves"""
     parent_x: NDArray[np.int32]
     parent_y: NDArray[np.int32]
@@ -96,8 +96,8 @@ def level_of(store: Store, depth: int) -> Level:
     return Level(
         at.ny, at.nz, at.half, w.lo[row:rows], w.hi[row:rows], w.ax[cell:cells], w.ay[cell:cells], w.az[cell:cells],
         w.extra[cell:cells], w.pivot[cell:cells], w.x[cell:cells], w.b[cell:cells], w.first_x[place_x:end_x],
-        w.first_y[place_y:end_y], w.twin_x[place_x:end_x], w.twin_y[place_y:end_y], w.closer_x[place_x:end_x],
-        w.closer_y[place_y:end_y], w.parent_x[place_x:end_x], w.parent_y[place_y:end_y],
+        w.first_y[place_y:end_y], w.is_pair_x[place_x:end_x], w.is_pair_y[place_y:end_y],
+        w.distance_ratio_x[place_x:end_x], w.distance_ratio_y[place_y:end_y], w.parent_x[place_x:end_x], w.parent_y[place_y:end_y],
     )  # fmt: skip
 
 
@@ -111,16 +111,16 @@ def join(faces: Array, widest: float) -> NDArray[np.intp]:
 
 
 def _joints(size: int, faces: Array, kept: NDArray[np.intp]) -> tuple[NDArray[np.int32], Single, Single]:
-    """`first`, `twin` and `closer` of an axis of `size` cells whose faces are those `kept` of the finer ones [m]."""
+    """`first`, `is_pair` and `distance_ratio` of an axis of `size` cells, whose faces are the `kept` finer ones [m]."""
     n = len(kept) - 1
     first = np.full(size, HALO + len(faces) - 1, dtype=np.int32)  # beyond the window the finer level has nothing either
-    twin, closer = np.zeros(size, np.float32), np.ones(size, np.float32)
+    is_pair, distance_ratio = np.zeros(size, np.float32), np.ones(size, np.float32)
     first[:HALO] = np.arange(HALO)
     first[HALO : HALO + n] = kept[:-1] + HALO
-    twin[HALO : HALO + n] = np.diff(kept) - 1
+    is_pair[HALO : HALO + n] = np.diff(kept) - 1
     fine, coarse = 0.5 * (faces[1:] + faces[:-1]), 0.5 * (faces[kept][1:] + faces[kept][:-1])
-    closer[HALO + 1 : HALO + n] = np.diff(fine)[kept[1:-1] - 1] / np.diff(coarse)
-    return first, twin, closer
+    distance_ratio[HALO + 1 : HALO + n] = np.diff(fine)[kept[1:-1] - 1] / np.diff(coarse)
+    return first, is_pair, distance_ratio
 
 
 def _parents(size: int, kept: NDArray[np.intp]) -> NDArray[np.int32]:

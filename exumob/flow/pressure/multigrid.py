@@ -70,8 +70,8 @@ def _coarsen_row(fine: Level, coarse: Level, j: int) -> None:
     """Row j of `coarsen`."""
     nz = fine.nz
     lo, hi = np.empty(nz, np.int32), np.empty(nz, np.int32)
-    j0, two, closer_y = coarse.first_y[j], coarse.twin_y[j] > ZERO, coarse.closer_y[j]
-    first, twin, closer = coarse.first_x, coarse.twin_x, coarse.closer_x
+    j0, two, distance_ratio_y = coarse.first_y[j], coarse.is_pair_y[j] > ZERO, coarse.distance_ratio_y[j]
+    first, is_pair, distance_ratio = coarse.first_x, coarse.is_pair_x, coarse.distance_ratio_x
     parent = fine.parent_x
     for k in range(nz):
         begin, end = pairs_of_rows(fine, j0, k, two)
@@ -95,9 +95,9 @@ def _coarsen_row(fine: Level, coarse: Level, j: int) -> None:
             place = U((2 * (j * nz + k) + s) * coarse.half + lo[k])
             for n in range(hi[k] - lo[k]):
                 p, i = place + U(n), U(2 * (lo[k] + n) + s)
-                q, other = U(first[i]), twin[i]
-                coarse.ax[p] = closer[i] * ax[q]
-                coarse.ay[p] = closer_y * (ay[q] + other * ay[q + U(1)])
+                q, other = U(first[i]), is_pair[i]
+                coarse.ax[p] = distance_ratio[i] * ax[q]
+                coarse.ay[p] = distance_ratio_y * (ay[q] + other * ay[q + U(1)])
                 coarse.az[p] = az[q] + other * az[q + U(1)]
                 coarse.extra[p] = extra[q] + other * extra[q + U(1)]
 
@@ -191,8 +191,8 @@ def _restrict_row(fine: Level, coarse: Level, j: int, total: Single) -> None:
     nz, half = fine.nz, fine.half
     sz = U(2 * half)
     sy = U(nz) * sz
-    j0, rows = coarse.first_y[j], 2 if coarse.twin_y[j] > ZERO else 1
-    child, twin = coarse.first_x, coarse.twin_x
+    j0, rows = coarse.first_y[j], 2 if coarse.is_pair_y[j] > ZERO else 1
+    child, is_pair = coarse.first_x, coarse.is_pair_x
     for k in range(HALO, nz - HALO):
         r = j * nz + k
         if coarse.hi[r] <= coarse.lo[r]:
@@ -214,7 +214,7 @@ def _restrict_row(fine: Level, coarse: Level, j: int, total: Single) -> None:
             for n in range(coarse.hi[r] - coarse.lo[r]):
                 i = U(2 * (coarse.lo[r] + n) + s)
                 q = U(child[i])
-                coarse.b[first + U(n)] = total[q] + twin[i] * total[q + U(1)]
+                coarse.b[first + U(n)] = total[q] + is_pair[i] * total[q + U(1)]
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
