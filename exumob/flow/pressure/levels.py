@@ -97,7 +97,8 @@ def level_of(store: Store, depth: int) -> Level:
         at.ny, at.nz, at.half, w.lo[row:rows], w.hi[row:rows], w.ax[cell:cells], w.ay[cell:cells], w.az[cell:cells],
         w.extra[cell:cells], w.pivot[cell:cells], w.x[cell:cells], w.b[cell:cells], w.first_x[place_x:end_x],
         w.first_y[place_y:end_y], w.is_pair_x[place_x:end_x], w.is_pair_y[place_y:end_y],
-        w.distance_ratio_x[place_x:end_x], w.distance_ratio_y[place_y:end_y], w.parent_x[place_x:end_x], w.parent_y[place_y:end_y],
+        w.distance_ratio_x[place_x:end_x], w.distance_ratio_y[place_y:end_y],
+        w.parent_x[place_x:end_x], w.parent_y[place_y:end_y],
     )  # fmt: skip
 
 
