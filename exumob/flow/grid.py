@@ -8,6 +8,7 @@ A velocity component is stored on the low face of its cell.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -17,10 +18,17 @@ from numpy.typing import ArrayLike
 
 from exumob.support.arrays import Array
 from exumob.support.checks import require_positive, require_within
+from exumob.support.cost import memory_limit, spelled_size
 from exumob.vehicle.parameters import Vehicle
 
 HALO = 2
 """Cells beyond the window on every side. Those below it hold saturated soil when forces are summed."""
+LEAST_CELLS = 4
+"""Cells along an axis."""
+MOST_CELLS = 2**31 - 1
+"""Cells of a grid; far beyond any memory."""
+BYTES_PER_CELL = 490.0
+"""Memory of the solver, all fields and levels together [bytes] (`benchmarks/flow_scaling.py`)."""
 
 
 class Metrics(NamedTuple):
@@ -90,8 +98,12 @@ class Grid:
         low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
         sizes = np.broadcast_to(np.asarray(cell_size, dtype=float), (3,))
         require_positive("Grid.uniform", **{f"cell_size_{a}": float(s) for a, s in zip("xyz", sizes, strict=True)})
-        counts = np.maximum(np.rint((high - low) / sizes).astype(int), 1)
-        return cls(*(np.linspace(low[a], high[a], counts[a] + 1) for a in range(3)))
+
+        def counts(factor: float) -> list[float]:
+            return [max((high[a] - low[a]) / (factor * float(sizes[a])), 1.0) for a in range(3)]
+
+        _require_countable("Grid.uniform", float(sizes.min()), lambda size: counts(size / float(sizes.min())))
+        return cls(*(np.linspace(low[a], high[a], round(n) + 1) for a, n in enumerate(counts(1.0))))
 
     @classmethod
     def stretched(
@@ -112,13 +124,11 @@ class Grid:
         require_positive("Grid.stretched", cell_size=cell_size)
         require_within("Grid.stretched", 1.0, 1.1, "strong stretching slows the pressure solver.", growth=growth)
         corners = [np.asarray(c, dtype=float) for c in (low, core_low, core_high, high)]
-        outer_low, inner_low, inner_high, outer_high = corners
-        return cls(
-            *(
-                graded_faces(outer_low[a], inner_low[a], inner_high[a], outer_high[a], cell_size, growth)
-                for a in range(3)
-            )
+        spans = [tuple(float(corner[a]) for corner in corners) for a in range(3)]
+        _require_countable(
+            "Grid.stretched", cell_size, lambda size: [_graded_count(*span, size, growth) for span in spans]
         )
+        return cls(*(graded_faces(*span, cell_size, growth) for span in spans))
 
     @classmethod
     def around_vehicle(
@@ -178,6 +188,20 @@ class Grid:
         """Least width of a cell along any axis [m]."""
         return float(min(np.diff(f).min() for f in (self.x_faces, self.y_faces, self.z_faces)))
 
+    def cells_with(self, cell_size: float) -> float:
+        """Number of cells, about, of a window like this one with another smallest width [m]."""
+        number = 1.0
+        for faces in (self.x_faces, self.y_faces, self.z_faces):
+            widths = np.diff(faces)
+            core = np.flatnonzero(widths <= 1.001 * widths.min())
+            first, last = int(core[0]), int(core[-1])
+            growth = float(np.exp(np.abs(np.diff(np.log(widths))).max()))
+            number *= _graded_count(
+                float(faces[0]), float(faces[first]), float(faces[last + 1]), float(faces[-1]),
+                cell_size * float(widths.min()) / self.smallest_width, growth,
+            )  # fmt: skip
+        return number
+
     @cached_property
     def metrics(self) -> Metrics:
         """Coordinates and widths with halo."""
@@ -199,6 +223,68 @@ class Grid:
         """Volumes without halo [m^3], shape (y, z, x)."""
         dx, dy, dz = np.diff(self.x_faces), np.diff(self.y_faces), np.diff(self.z_faces)
         return dy[:, None, None] * dz[None, :, None] * dx[None, None, :]
+
+
+def most_cells() -> float:
+    """Return the number of cells for which this machine has memory."""
+    return min(memory_limit() / BYTES_PER_CELL, MOST_CELLS)
+
+
+def fitting_size(cell_size: float, cells: Callable[[float], float]) -> float:
+    """Return a cell size [m], two digits long, that makes no more cells than fit; `cell_size` makes too many.
+
+    Parameters
+    ----------
+    cell_size : float
+        [m]
+    cells : callable
+        Number of cells of a cell size [m].
+    """
+    fine, coarse, most = cell_size, cell_size, most_cells()
+    while cells(coarse) > most and coarse < 1e300:
+        fine, coarse = coarse, 10.0 * coarse
+    while coarse > 1.005 * fine:
+        middle = math.sqrt(fine) * math.sqrt(coarse)
+        fine, coarse = (middle, coarse) if cells(middle) > most else (fine, middle)
+    unit = 10.0 ** (math.floor(math.log10(coarse)) - 1)
+    return math.ceil(coarse / unit) * unit
+
+
+def _require_countable(owner: str, cell_size: float, counts: Callable[[float], list[float]]) -> None:
+    """Refuse a cell size that makes too few cells along an axis, or more than any memory holds; nothing is allocated.
+
+    Parameters
+    ----------
+    owner : str
+    cell_size : float
+        [m]
+    counts : callable
+        Number of cells along x, y and z of a cell size [m].
+    """
+    along = counts(cell_size)
+    if min(along) < LEAST_CELLS - 0.5:
+        axis = along.index(min(along))
+        raise ValueError(
+            f"{owner}: cell_size = {cell_size:g} m makes {along[axis]:.0f} cells along {'xyz'[axis]}; every axis needs "
+            f"at least {LEAST_CELLS}, so give a smaller one."
+        )
+    if not math.prod(along) <= MOST_CELLS:
+        size = fitting_size(cell_size, lambda size: math.prod(counts(size)))
+        raise ValueError(
+            f"{owner}: cell_size = {cell_size:g} m makes {math.prod(along):.2g} cells, about "
+            f"{spelled_size(BYTES_PER_CELL * math.prod(along))} of memory, and this machine has "
+            f"{spelled_size(memory_limit())}; cells of {size:g} m would fit."
+        )
+
+
+def _graded_count(low: float, core_low: float, core_high: float, high: float, size: float, growth: float) -> float:
+    """Number of cells, about, that `graded_faces` makes."""
+
+    def outward(extent: float) -> float:
+        cells = extent / size
+        return cells if growth <= 1.0 else math.log1p(cells * (growth - 1.0) / growth) / math.log(growth)
+
+    return max((core_high - core_low) / size, 1.0) + outward(core_low - low) + outward(high - core_high)
 
 
 def graded_faces(low: float, core_low: float, core_high: float, high: float, size: float, growth: float) -> Array:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exumob.flow.area_fractions import AreaFractions
+from exumob.flow.cost import require_room
 from exumob.flow.grid import HALO, Grid
 from exumob.flow.poses import Poses, interpolate
 from exumob.flow.pressure.levels import Levels
@@ -66,6 +67,7 @@ class FlowSolver:
         """Allocate; see the class."""
         self.grid, self.solids, self.water = grid, tuple(solids), water
         self.settings = settings = settings or FlowSettings()
+        require_room("FlowSolver: the grid", grid)
         self.metrics = grid.metrics
         top, bottom = float(grid.z_faces[-1]), float(grid.z_faces[0])
         self._step = TimeStep(grid, self.solids, water, settings, terrain)

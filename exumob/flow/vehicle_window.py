@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from exumob.flow.bed import lowest_bed
+from exumob.flow.cost import require_room
 from exumob.flow.grid import Grid
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
@@ -38,7 +39,7 @@ def vehicle_window(
     Raises
     ------
     ValueError
-        If `cell_size` is not positive.
+        If `cell_size` is not positive, or makes more cells than there is memory for; the text names one that fits.
     """
     require_positive("vehicle_window", cell_size=cell_size)
     scale = max(vehicle.hull.length, vehicle.wheelbase + vehicle.wheel.diameter)
@@ -51,10 +52,12 @@ def vehicle_window(
         corners = np.array([-behind - margin, -aside - margin]), np.array([ahead + margin, aside + margin])
         frames = np.zeros((1, 3)) if frames is None else frames
         bottom = lowest_bed(terrain, frames, *corners, spacing=0.1) - cell_size
-    return Grid.around_vehicle(
+    grid = Grid.around_vehicle(
         vehicle, cell_size, ahead=ahead, behind=behind, aside=aside, top=max(TOP * scale, 3.5 * water.depth),
         bottom=bottom,
     )  # fmt: skip
+    require_room(f"{vehicle.name}: cell_size = {cell_size:g} m", grid)
+    return grid
 
 
 def doubled_window(vehicle: Vehicle, cell_size: float, water: Water) -> Grid:
