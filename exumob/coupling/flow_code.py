@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import xarray as xr
 
+from exumob.flow.cost import FlowCost, flow_cost, require_room
 from exumob.flow.grid import Grid
 from exumob.flow.output.snapshots import Snapshot, snapshots_dataset
 from exumob.flow.poses import Poses
@@ -146,7 +147,9 @@ class BuiltInFlow:
         """The chosen settings, as kept in results."""
         self.interval = snapshots
         self.snapshots: list[Snapshot] = []
-        self._built: tuple[Vehicle, Water] | None = None
+        self.steering_range: tuple[float, float] | None = None
+        """Smallest and largest angle of a front wheel during the run [rad]; None: up to the vehicle's limit"""
+        self._built: tuple[Vehicle, Water, tuple[float, float]] | None = None
 
     def start(self, vehicle: Vehicle, water: Water, poses: Poses, time: float) -> None:
         """Build grid and solids, unless they are those of the last start, and fill the window. See `FlowCode`.
@@ -154,17 +157,38 @@ class BuiltInFlow:
         Raises
         ------
         ValueError
-            If the cells cannot resolve a gap or a wheel at any angle that the front wheels can take.
+            If the cells cannot resolve a gap or a wheel at any angle that the front wheels take during the run.
         """
-        if self._built != (vehicle, water):
-            grid = vehicle_window(vehicle, self.cell_size, water) if self.grid is None else self.grid
+        angles = self.steering_range
+        if angles is None:
             limit = vehicle.steering.limit
-            angles = [m[0] for command in (-limit, limit) for m in vehicle.steering_angles((command, 0.0, 0.0))]
-            solids = checked_solids(vehicle, grid, (min(angles), max(angles)), self.allow_coarse)
+            largest = [m[0] for command in (-limit, limit) for m in vehicle.steering_angles((command, 0.0, 0.0))]
+            angles = min(largest), max(largest)
+        if self._built != (vehicle, water, angles):
+            grid = self._grid_round(vehicle, water)
+            solids = checked_solids(vehicle, grid, angles, self.allow_coarse)
             self.solver = FlowSolver(grid, solids, water, self.settings)
-            self._built = vehicle, water
+            self._built = vehicle, water, angles
         self.solver.start(poses, time)
         self.snapshots = []
+
+    def cost(self, vehicle: Vehicle, water: Water, speed: float, duration: float, interval: float) -> FlowCost:
+        """Estimate what a run takes; see `exumob.flow.cost.flow_cost`.
+
+        Raises
+        ------
+        ValueError
+            If there is no memory for it.
+        """
+        grid = self._grid_round(vehicle, water)
+        require_room("BuiltInFlow.grid", grid)
+        settings = self.settings
+        return flow_cost(
+            grid.n_cells, grid.smallest_width, speed, duration, interval, settings.courant, settings.threads
+        )
+
+    def _grid_round(self, vehicle: Vehicle, water: Water) -> Grid:
+        return vehicle_window(vehicle, self.cell_size, water) if self.grid is None else self.grid
 
     def advance(self, time: float, poses: Poses) -> Array:
         """See `FlowCode`."""

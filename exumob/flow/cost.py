@@ -35,11 +35,16 @@ class FlowCost:
     """[s]"""
     threads: int
 
+    @property
+    def saved(self) -> float:
+        """Size of a saved state [bytes]."""
+        return SAVED_BYTES_PER_CELL * self.cells
+
     def __str__(self) -> str:
         """Describe it in one line."""
         return (
-            f"{self.cells:,.0f} cells, {spelled_size(self.memory)} of memory, {self.steps:,.0f} steps of the flow or more; "
-            f"about {spelled_time(self.seconds)} on {self.threads} thread{'s' if self.threads > 1 else ''} "
+            f"{self.cells:,.0f} cells, {spelled_size(self.memory)} of memory, {self.steps:,.0f} steps of the flow or "
+            f"more; about {spelled_time(self.seconds)} on {self.threads} thread{'s' if self.threads > 1 else ''} "
             f"of {cores()} core{'s' if cores() > 1 else ''}, if no other program takes them"
         )
 

@@ -87,7 +87,7 @@ def checked_solids(
 
 
 def _remedy(too_coarse: list[_Need], grid: Grid) -> str:
-    """Say which cells would do and what they take; of a length for which they would take too much, how to do without."""
+    """Say which cells would do and what they take, and how to do without where they would take too much."""
     costs = {need: _cost_of(need.finest, grid) for need in too_coarse}
     possible = [need for need, (cells, seconds) in costs.items() if cells <= most_cells() and seconds <= TOO_LONG]
     words = []
@@ -147,8 +147,8 @@ def _needs(vehicle: Vehicle, solids: tuple[Solid, ...], steering_range: tuple[fl
     if gap <= 0.0:
         raise ValueError(
             f"{vehicle.name}: the {name} wheel cuts {-1e3 * gap:.0f} mm into the hull when steered "
-            f"{math.degrees(angle):.0f} deg; steer less, widen Vehicle.track, narrow Hull.width, or give a Hull.mesh with "
-            "wheel arches."
+            f"{math.degrees(angle):.0f} deg; steer less, widen Vehicle.track, narrow Hull.width, or give a Hull.mesh "
+            "with wheel arches."
         )
     keel = float(vehicle.hull.center_of_mass_height + hull.low[2])
     steered = f" steered {math.degrees(angle):.0f} deg" if abs(angle) > 0.005 else ""

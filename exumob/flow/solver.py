@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from exumob.flow.area_fractions import AreaFractions
 from exumob.flow.cost import require_room
+from exumob.flow.forces import pressure_loads
 from exumob.flow.grid import HALO, Grid
 from exumob.flow.poses import Poses, interpolate
 from exumob.flow.pressure.levels import Levels
@@ -23,6 +24,7 @@ from exumob.flow.state import FlowState, Loads, StepReport
 from exumob.flow.step import StepFailed, TimeStep
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
+from exumob.support.compiled import say_compilation
 from exumob.support.constants import GRAVITY
 from exumob.support.errors import SimulationError
 from exumob.water.conditions import Water
@@ -87,6 +89,7 @@ class FlowSolver:
         self._state, self._next = (FlowState.zeros(grid.padded_shape, count) for _ in range(2))
         self._start_closure()
         self._poses: Poses | None = None
+        say_compilation("the flow solver", pressure_loads, "two to three minutes")
 
     # -- the interval ---------------------------------------------------------------------------------------------
 
