@@ -124,7 +124,8 @@ class Grid:
         require_positive("Grid.stretched", cell_size=cell_size)
         require_within("Grid.stretched", 1.0, 1.1, "strong stretching slows the pressure solver.", growth=growth)
         corners = [np.asarray(c, dtype=float) for c in (low, core_low, core_high, high)]
-        spans = [tuple(float(corner[a]) for corner in corners) for a in range(3)]
+        outer_low, inner_low, inner_high, outer_high = (corner.tolist() for corner in corners)
+        spans = list(zip(outer_low, inner_low, inner_high, outer_high, strict=True))
         _require_countable(
             "Grid.stretched", cell_size, lambda size: [_graded_count(*span, size, growth) for span in spans]
         )

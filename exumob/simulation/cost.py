@@ -11,7 +11,7 @@ from exumob.coupling.strong import Strong
 from exumob.driving.maneuver import Maneuver
 from exumob.multibody.recorder import HISTORY, RECORD
 from exumob.simulation.description import RunDescription, Steps
-from exumob.support.cost import announce, cores, require_disk, require_memory, spelled_size, spelled_time
+from exumob.support.cost import announce, cores, memory_limit, require_disk, require_memory, spelled_size, spelled_time
 from exumob.vehicle.motion import HISTORY_STEP
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
@@ -55,10 +55,13 @@ def require_room(steps: Steps) -> None:
     """
     history = steps.duration / HISTORY_STEP * HISTORY.itemsize
     record = steps.duration / steps.record_step * RECORD.itemsize * COPIES
-    remedy = "give a shorter duration" + (" or a longer record_step." if record > history else ".")
+    limit = memory_limit()
+    remedy = f"give a duration of {0.99 * steps.duration * limit / (history + record):.2g} s or less"
+    if history < 0.99 * limit:
+        remedy += f", or a record_step of {1.01 * steps.record_step * record / (limit - history):.2g} s or more"
     require_memory(
         f"simulate: the record of duration = {steps.duration:g} s, every {HISTORY_STEP:g} s for the water and every "
-        f"record_step = {steps.record_step:g} s for the result", history + record, remedy,
+        f"record_step = {steps.record_step:g} s for the result", history + record, f"{remedy}.",
     )  # fmt: skip
 
 
@@ -94,8 +97,8 @@ def prepare(run: RunDescription, commands: tuple[float, float], checkpoint: Path
         seconds += flow.seconds
         saved += flow.saved
         words += (
-            f", {flow.cells:,.0f} cells, {spelled_size(flow.memory)} of memory, {flow.steps:,.0f} steps of the flow or more"
-            f" on {flow.threads} thread{'s' if flow.threads > 1 else ''}"
+            f", {flow.cells:,.0f} cells, {spelled_size(flow.memory)} of memory, {flow.steps:,.0f} steps of the flow or "
+            f"more on {flow.threads} thread{'s' if flow.threads > 1 else ''}"
         )
     if checkpoint is not None:
         require_disk(
