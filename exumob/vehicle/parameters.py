@@ -57,11 +57,11 @@ class Hull(Declared):
 
     def _check(self) -> None:
         require_within(
-            "Hull", -self.length, self.length, "the hull is no longer than Hull.length.",
+            "Hull", -self.length, self.length, "give a place within Hull.length.",
             center_of_mass_x=self.center_of_mass_x, center_x=self.center_x,
         )  # fmt: skip
-        require_within("Hull", 0.0, self.length, "the rake is a part of Hull.length.", bow_length=self.bow_length)
-        require_within("Hull", 0.0, self.height, "the rake is a part of Hull.height.", bow_height=self.bow_height)
+        require_within("Hull", 0.0, self.length, "give a part of Hull.length.", bow_length=self.bow_length)
+        require_within("Hull", 0.0, self.height, "give a part of Hull.height.", bow_height=self.bow_height)
         density = self.mass / (self.length * self.width * self.height)
         if not 5.0 <= density <= 5000.0 and not isinstance(self.mass, Unusual):
             raise ImplausibleValue(
