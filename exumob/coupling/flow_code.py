@@ -8,11 +8,12 @@ coupling, checkpoints). A code in another process or on another machine is reach
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 import xarray as xr
 
 from exumob.flow.cost import FlowCost, flow_cost, require_room
+from exumob.flow.grid import CELL_SIZE as CELL_WIDTH
 from exumob.flow.grid import Grid
 from exumob.flow.output.snapshots import Snapshot, snapshots_dataset
 from exumob.flow.poses import Poses
@@ -21,7 +22,8 @@ from exumob.flow.settings import FlowSettings
 from exumob.flow.solver import FlowSolver
 from exumob.flow.vehicle_window import vehicle_window
 from exumob.support.arrays import Array
-from exumob.support.checks import require_positive
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 
@@ -131,11 +133,16 @@ class BuiltInFlow:
         Interval at which the free surface is kept from the release on [s], for `exumob.flow.output.pictures`.
     """
 
+    @checked
     def __init__(
-        self, cell_size: float = CELL_SIZE, *, grid: Grid | None = None, settings: FlowSettings | None = None,
-        allow_coarse: bool = False, snapshots: float | None = None,
-    ) -> None:  # fmt: skip
-        require_positive("BuiltInFlow", cell_size=cell_size, **({} if snapshots is None else {"snapshots": snapshots}))
+        self,
+        cell_size: Annotated[float, CELL_WIDTH] = CELL_SIZE,
+        *,
+        grid: Grid | None = None,
+        settings: FlowSettings | None = None,
+        allow_coarse: bool = False,
+        snapshots: Annotated[float | None, Quantity("s", at_least=1e-6, at_most=1e6)] = None,
+    ) -> None:
         settings = FlowSettings() if settings is None else settings
         if settings.follow != 0:
             raise ValueError(f"BuiltInFlow.settings: FlowSettings.follow = {settings.follow}; it must be 0, the hull.")

@@ -22,6 +22,7 @@ from exumob.flow.cost import FlowCost
 from exumob.flow.poses import Poses
 from exumob.support.arrays import Array
 from exumob.support.checks import require_positive
+from exumob.support.declared import checked
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
@@ -51,10 +52,16 @@ class CfdHydrodynamics:
         Called with the time [s], negative before the release, during the spin-up.
     """
 
+    @checked
     def __init__(
-        self, flow: FlowCode | None = None, *, cell_size: float | None = None, allow_coarse: bool = False,
-        spin_up: FlowSpinUp | None = None, progress: Callable[[float], None] | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        flow: FlowCode | None = None,
+        *,
+        cell_size: float | None = None,
+        allow_coarse: bool = False,
+        spin_up: FlowSpinUp | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
         if flow is not None and (cell_size is not None or allow_coarse):
             raise ValueError(
                 "CfdHydrodynamics: cell_size and allow_coarse are those of the own solver; give them to flow, as in "

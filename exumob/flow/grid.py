@@ -11,22 +11,33 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from exumob.support.arrays import Array
-from exumob.support.checks import require_positive, require_within
+from exumob.support.arrays import Array, checked_array
 from exumob.support.cost import memory_limit, spelled_size
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Vehicle
 
 HALO = 2
 """Cells beyond the window on every side. Those below it hold saturated soil when forces are summed."""
+SMALLEST = 1e-7
+"""Least width of a cell [m]."""
 LEAST_CELLS = 4
 """Cells along an axis."""
 MOST_CELLS = 2**31 - 1
 """Cells of a grid; far beyond any memory."""
+CELL_SIZE = Quantity("m", above=0.0, at_most=1e4, plausible=(1e-6, 1.0))
+"""Width of the flow solver's cells"""
+LENGTH = Quantity("m", at_least=-1e5, at_most=1e5)
+"""Place of a face or a corner"""
+REACH = Quantity("m", above=0.0, at_most=1e5)
+"""Distance from the hull to a side of the window"""
+GROWTH = Quantity("1", at_least=1.0, at_most=1.1, remedy="strong stretching slows the pressure solver.")
+"""Ratio of neighbouring widths"""
 BYTES_PER_CELL = 490.0
 """Memory of the solver, all fields and levels together [bytes] (`benchmarks/flow_scaling.py`)."""
 
@@ -78,12 +89,23 @@ class Grid:
 
     def __post_init__(self) -> None:
         for name in ("x_faces", "y_faces", "z_faces"):
-            faces = np.array(getattr(self, name), dtype=float)
+            faces = checked_array(f"Grid.{name}", getattr(self, name), ("faces",)).copy()
             widths = np.diff(faces)
-            if faces.ndim != 1 or len(widths) < 4:
-                raise ValueError(f"Grid.{name} makes {max(len(faces) - 1, 0)} cells; every axis needs at least 4.")
-            if not np.all(np.isfinite(faces)) or widths.min() <= 0.0:
-                raise ValueError(f"Grid.{name} must be finite and increase from each face to the next.")
+            if len(widths) < LEAST_CELLS:
+                raise ValueError(
+                    f"Grid.{name} makes {len(widths)} cells; every axis needs at least {LEAST_CELLS}; give more faces."
+                )
+            if widths.min() <= 0.0:
+                n = int(widths.argmin())
+                raise ValueError(
+                    f"Grid.{name}: face {n + 1} at {faces[n + 1]:g} m follows one at {faces[n]:g} m; faces must "
+                    "increase."
+                )
+            if max(-faces[0], faces[-1]) > LENGTH.at_most or widths.min() < SMALLEST:
+                raise ValueError(
+                    f"Grid.{name} goes from {faces[0]:g} to {faces[-1]:g} m in widths of {widths.min():g} m or more; "
+                    f"faces must lie within {LENGTH.at_most:g} m of the origin, {SMALLEST:g} m apart. Give metres."
+                )
             jump = float(np.max(np.abs(np.diff(np.log(widths)))))
             if jump > math.log(1.15):
                 raise ValueError(
@@ -93,11 +115,16 @@ class Grid:
             object.__setattr__(self, name, faces)
 
     @classmethod
-    def uniform(cls, low: ArrayLike, high: ArrayLike, cell_size: float | ArrayLike) -> Grid:
+    @checked
+    def uniform(
+        cls,
+        low: Annotated[ArrayLike, Quantity("m", shape=(3,))],
+        high: Annotated[ArrayLike, Quantity("m", shape=(3,))],
+        cell_size: Annotated[float | tuple[float, float, float], CELL_SIZE],
+    ) -> Grid:
         """Uniform grid between two corners [m], shape (3,); the cell size [m] is rounded so that whole cells fit."""
-        low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
-        sizes = np.broadcast_to(np.asarray(cell_size, dtype=float), (3,))
-        require_positive("Grid.uniform", **{f"cell_size_{a}": float(s) for a, s in zip("xyz", sizes, strict=True)})
+        low, high = np.asarray(low), np.asarray(high)
+        sizes = np.broadcast_to(np.asarray(cell_size), (3,))
 
         def counts(factor: float) -> list[float]:
             return [max((high[a] - low[a]) / (factor * float(sizes[a])), 1.0) for a in range(3)]
@@ -106,10 +133,16 @@ class Grid:
         return cls(*(np.linspace(low[a], high[a], round(n) + 1) for a, n in enumerate(counts(1.0))))
 
     @classmethod
+    @checked
     def stretched(
-        cls, core_low: ArrayLike, core_high: ArrayLike, low: ArrayLike, high: ArrayLike, cell_size: float,
-        growth: float = 1.035,
-    ) -> Grid:  # fmt: skip
+        cls,
+        core_low: Annotated[ArrayLike, Quantity("m", shape=(3,))],
+        core_high: Annotated[ArrayLike, Quantity("m", shape=(3,))],
+        low: Annotated[ArrayLike, Quantity("m", shape=(3,))],
+        high: Annotated[ArrayLike, Quantity("m", shape=(3,))],
+        cell_size: Annotated[float, CELL_SIZE],
+        growth: Annotated[float, GROWTH] = 1.035,
+    ) -> Grid:
         """Cubic cells in a core, growing geometrically from there to the window's faces.
 
         Parameters
@@ -121,9 +154,12 @@ class Grid:
         growth : float
             Ratio of neighbouring widths outside the core, 1 to 1.1.
         """
-        require_positive("Grid.stretched", cell_size=cell_size)
-        require_within("Grid.stretched", 1.0, 1.1, "strong stretching slows the pressure solver.", growth=growth)
-        corners = [np.asarray(c, dtype=float) for c in (low, core_low, core_high, high)]
+        corners = [np.asarray(c) for c in (low, core_low, core_high, high)]
+        if not (np.diff(corners, axis=0) >= 0.0).all() or not (corners[1] < corners[2]).all():
+            raise ValueError(
+                f"Grid.stretched: the core from {corners[1]} to {corners[2]} m must lie inside the window from "
+                f"{corners[0]} to {corners[3]} m; move their corners."
+            )
         outer_low, inner_low, inner_high, outer_high = (corner.tolist() for corner in corners)
         spans = list(zip(outer_low, inner_low, inner_high, outer_high, strict=True))
         _require_countable(
@@ -132,10 +168,19 @@ class Grid:
         return cls(*(graded_faces(*span, cell_size, growth) for span in spans))
 
     @classmethod
+    @checked
     def around_vehicle(
-        cls, vehicle: Vehicle, cell_size: float = 0.018, *, ahead: float = 1.8, behind: float = 2.4, aside: float = 1.8,
-        top: float = 0.42, growth: float = 1.035, bottom: float = 0.0,
-    ) -> Grid:  # fmt: skip
+        cls,
+        vehicle: Vehicle,
+        cell_size: Annotated[float, CELL_SIZE] = 0.018,
+        *,
+        ahead: Annotated[float, REACH] = 1.8,
+        behind: Annotated[float, REACH] = 2.4,
+        aside: Annotated[float, REACH] = 1.8,
+        top: Annotated[float, LENGTH] = 0.42,
+        growth: Annotated[float, GROWTH] = 1.035,
+        bottom: Annotated[float, LENGTH] = 0.0,
+    ) -> Grid:
         """Window round a vehicle's hull: cubic cells where its bodies are, growing outwards.
 
         Parameters
@@ -160,12 +205,15 @@ class Grid:
         if ahead < front or behind < -rear or aside < side:
             raise ValueError(
                 f"Grid.around_vehicle: the window ({ahead:g} m ahead, {behind:g} m behind, {aside:g} m "
-                f"aside) is smaller than "
-                f"the vehicle with its margin ({front:.2f}, {-rear:.2f}, {side:.2f} m)."
+                f"aside) is smaller than {vehicle.name} with its margin ({front:.2f}, {-rear:.2f}, {side:.2f} m); give "
+                "at least these."
             )
+        if not bottom < top:
+            raise ValueError(f"Grid.around_vehicle: top = {top:g} m must lie above bottom = {bottom:g} m; raise it.")
+        core_top = min(max(0.24, bottom + 4.0 * cell_size), top)
         return cls.stretched(
-            (rear, -side, bottom), (front, side, min(0.24, top)), (-behind, -aside, bottom), (ahead, aside, top),
-            cell_size, growth,
+            (rear, -side, bottom), (front, side, core_top), (-behind, -aside, bottom), (ahead, aside, top), cell_size,
+            growth,
         )  # fmt: skip
 
     @property

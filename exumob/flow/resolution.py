@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from exumob.flow.grid import BYTES_PER_CELL, Grid, most_cells
 from exumob.flow.solids import Solid, vehicle_solids
 from exumob.flow.tread import Tread
 from exumob.support.cost import spelled_size, spelled_time
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
 from exumob.support.rotations import about_z
 from exumob.vehicle.motion import WHEELS
 from exumob.vehicle.parameters import Vehicle
@@ -21,14 +23,21 @@ logger = logging.getLogger(__name__)
 
 ROUNDING = 0.02
 """Part by which a grid's cells may be larger than asked for, since whole cells must fit [-]."""
+STEERING = Quantity("rad", at_least=-math.pi / 2.0, at_most=math.pi / 2.0)
+"""Angle of a front wheel"""
 LEAST_CELLS_IN_GAP = 2.0
 LEAST_CELLS_ACROSS_WHEEL = 4.0
 TOO_LONG = 86400.0
 """Computing time for a second above which a cell size is no advice [s]."""
 
 
+@checked
 def check_resolution(
-    vehicle: Vehicle, grid: Grid, steering_range: tuple[float, float] = (0.0, 0.0), *, allow_coarse: bool = False
+    vehicle: Vehicle,
+    grid: Grid,
+    steering_range: Annotated[tuple[float, float], STEERING] = (0.0, 0.0),
+    *,
+    allow_coarse: bool = False,
 ) -> None:
     """Find out before a run whether a grid can carry a vehicle.
 

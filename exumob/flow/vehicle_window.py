@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 
 from exumob.flow.bed import lowest_bed
 from exumob.flow.cost import require_room
-from exumob.flow.grid import Grid
+from exumob.flow.grid import CELL_SIZE, Grid
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
-from exumob.support.checks import require_positive
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 
@@ -17,8 +20,13 @@ AHEAD, BEHIND, ASIDE, TOP = 1.8, 2.4, 1.8, 0.42
 """Reach of the window from the hull's centre of mass, over the vehicle's length [-]."""
 
 
+@checked
 def vehicle_window(
-    vehicle: Vehicle, cell_size: float, water: Water, terrain: Terrain | None = None, frames: Array | None = None
+    vehicle: Vehicle,
+    cell_size: Annotated[float, CELL_SIZE],
+    water: Water,
+    terrain: Terrain | None = None,
+    frames: Annotated[Array | None, Quantity("m, m, rad", shape=("places", 3))] = None,
 ) -> Grid:
     """Return the default grid round a vehicle, for captive runs and for the flow in the loop.
 
@@ -41,7 +49,6 @@ def vehicle_window(
     ValueError
         If `cell_size` is not positive, or makes more cells than there is memory for; the text names one that fits.
     """
-    require_positive("vehicle_window", cell_size=cell_size)
     scale = max(vehicle.hull.length, vehicle.wheelbase + vehicle.wheel.diameter)
     ahead, behind, aside = AHEAD * scale, BEHIND * scale, ASIDE * scale
     bottom = 0.0
@@ -60,7 +67,8 @@ def vehicle_window(
     return grid
 
 
-def doubled_window(vehicle: Vehicle, cell_size: float, water: Water) -> Grid:
+@checked
+def doubled_window(vehicle: Vehicle, cell_size: Annotated[float, CELL_SIZE], water: Water) -> Grid:
     """Return a grid that reaches twice as far ahead, behind and aside as `vehicle_window`.
 
     Cells round the vehicle and the top stay as they are: runs in both windows show what the sides do to the loads.

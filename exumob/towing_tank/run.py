@@ -11,20 +11,23 @@ import math
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, Tread
 from exumob.flow.cost import flow_cost, require_room
+from exumob.flow.grid import CELL_SIZE
 from exumob.flow.resolution import checked_solids
 from exumob.flow.vehicle_window import vehicle_window
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.cost import announce, require_memory
+from exumob.support.declared import checked
 from exumob.support.errors import SimulationError, SimulationInterrupted
 from exumob.support.provenance import parameters_json, provenance
+from exumob.support.quantities import DURATION, Quantity
 from exumob.support.smoothing import window_samples
 from exumob.towing_tank.checks import check_motion, whole_multiple
 from exumob.towing_tank.motion import CaptiveMotion, PrescribedMotion
@@ -34,24 +37,26 @@ from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)
 
+INTERVAL = Quantity("s", at_least=1e-7, at_most=1e6)
+"""Interval of the loads"""
 RECORD_SIZE = 6e3
 """Memory of an interval's record, and of its copies in the result [bytes]."""
 SNAPSHOT_SIZE = 8.0
 """Memory of a snapshot, per column of cells [bytes]."""
 
 
-# Many arguments, all but three by name: this is the front door of captive runs, and each is a choice of its own.
-def captive_run(
+@checked
+def captive_run(  # the front door of captive runs: each argument is a choice of its own
     vehicle: Vehicle,
     water: Water,
     motion: PrescribedMotion | None = None,
     *,
-    cell_size: float = 0.018,
-    duration: float = 3.0,
-    interval: float = 1.0e-3,
+    cell_size: Annotated[float, CELL_SIZE] = 0.018,
+    duration: Annotated[float, DURATION] = 3.0,
+    interval: Annotated[float, INTERVAL] = 1.0e-3,
     grid: Grid | None = None,
     settings: FlowSettings | None = None,
-    snapshots: float | None = None,
+    snapshots: Annotated[float | None, INTERVAL] = None,
     on_snapshot: Callable[[FlowSolver, Poses], None] | None = None,
     allow_coarse: bool = False,
     progress: Callable[[float], None] | None = None,
