@@ -10,7 +10,7 @@ import numpy as np
 
 from exumob.driving.maneuver import RAMP_TIME, smooth_step
 from exumob.flow.poses import Poses
-from exumob.support.declared import Declared
+from exumob.support.declared import Declared, checked
 from exumob.support.quantities import Quantity
 from exumob.water.conditions import Water
 
@@ -52,7 +52,13 @@ class FlowSpinUp(Declared):
         return math.fsum((self.ramp_in(water), self.hold, self.adjustment))
 
 
-def poses_during_ramp(rest: Poses, water: Water, elapsed: float, ramp: float) -> Poses:
+@checked
+def poses_during_ramp(
+    rest: Poses,
+    water: Water,
+    elapsed: Annotated[float, Quantity("s", at_least=0.0, at_most=1e9)],
+    ramp: Annotated[float, Quantity("s", at_least=0.0, at_most=1e9)],
+) -> Poses:
     """Return the poses of bodies that drift with the current at first and come to rest at the end of a ramp.
 
     Parameters
@@ -77,7 +83,13 @@ def poses_during_ramp(rest: Poses, water: Water, elapsed: float, ramp: float) ->
     )  # fmt: skip
 
 
-def poses_between(begin: Poses, end: Poses, part: float, duration: float) -> Poses:
+@checked
+def poses_between(
+    begin: Poses,
+    end: Poses,
+    part: Annotated[float, Quantity("1", at_least=0.0, at_most=1e9)],
+    duration: Annotated[float, Quantity("s", at_least=1e-6, at_most=1e9)],
+) -> Poses:
     """Return the poses of bodies that move smoothly from one place of rest to another.
 
     Parameters
@@ -90,6 +102,10 @@ def poses_between(begin: Poses, end: Poses, part: float, duration: float) -> Pos
     """
     from scipy.spatial.transform import Rotation
 
+    if len(begin.position) != len(end.position):
+        raise ValueError(
+            f"poses_between: {len(begin.position)} poses at the begin and {len(end.position)} at the end; give as many."
+        )
     if part >= 1.0:
         return end
     share, growth, _ = smooth_step(part)

@@ -58,9 +58,10 @@ class Poses:
     @classmethod
     def at_rest(cls, position: Any, rotation: Any = None) -> Poses:
         """Solids that do not move; position [m], shape (n, 3)."""
-        position = np.atleast_2d(np.asarray(position, dtype=float))
+        single = isinstance(position, np.ndarray | list | tuple) and np.ndim(position) == 1
+        position = checked_array("Poses.at_rest.position", [position] if single else position, ("n", 3)).copy()
         n = len(position)
-        turned = np.broadcast_to(np.eye(3), (n, 3, 3)).copy() if rotation is None else np.asarray(rotation, dtype=float)
+        turned = np.broadcast_to(np.eye(3), (n, 3, 3)).copy() if rotation is None else rotation
         return cls(position, turned, np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n))
 
     @classmethod

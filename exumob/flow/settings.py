@@ -27,7 +27,7 @@ class FlowSettings(Declared):
     walls otherwise"""
     far_y: bool = True
     """The same of the sides across y"""
-    absorbing_width: Annotated[float, Quantity("m", above=0.0, at_most=1e4)] = 0.6
+    absorbing_width: Annotated[float, Quantity("m", at_least=1e-4, at_most=1e4)] = 0.6
     """Width of that zone [m]"""
     absorbing_strength: Annotated[float, Quantity("1", at_least=0.0, at_most=100.0)] = 10.0
     """Relaxation rate at the very side, times the zone's width over sqrt(g depth) [-]; it falls with the cube of the

@@ -158,6 +158,7 @@ def prism(
     return Solid(shape, *corners, friction)
 
 
+@checked
 def hull_prism(hull: Hull, friction: float = HULL_FRICTION) -> Solid:
     """Raked-bow box of a `Hull` about its centre of mass."""
     return prism(hull.side_profile() - [hull.center_of_mass_x, hull.center_of_mass_height], hull.width, friction)
