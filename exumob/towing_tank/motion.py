@@ -108,8 +108,8 @@ class CaptiveMotion(Declared):
     def _check(self) -> None:
         if self.driver is not None and not (callable(self.driver.steering) and callable(self.driver.wheel_speed)):
             raise ValueError(
-                f"CaptiveMotion.driver = {type(self.driver).__name__} is no maneuver: its steering and wheel_speed must "
-                "be functions of time; use lane_change(), say."
+                f"CaptiveMotion.driver = {type(self.driver).__name__} is no maneuver: its steering and wheel_speed "
+                "must be functions of time; use lane_change(), say."
             )
         if isinstance(self.driver, FeedbackManeuver):
             raise ValueError(
