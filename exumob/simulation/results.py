@@ -62,9 +62,9 @@ VARIABLES = {
 """The variables of a result."""
 COMMENTS = {
     "slip_ratio": (
-        "(r w - v) / (r w) where the tread is faster than the wheel's centre, (r w - v) / v where it is slower: 1 for a "
-        "wheel that spins in place, -1 for a locked one that slides; it fades to 0 where both stand. A wheel that does "
-        "not touch the soil has no slip: nan."
+        "(r w - v) / (r w) where the tread is faster than the wheel's centre, (r w - v) / v where it is slower: 1 for "
+        "a wheel that spins in place, -1 for a locked one that slides; it fades to 0 where both stand. A wheel that "
+        "does not touch the soil has no slip: nan."
     ),
     "flow_state": "units along state: rad, rad, m s-1, m s-1, m",
     "water_wrench": "units along component: N, N, N, N m, N m, N m",

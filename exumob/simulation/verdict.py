@@ -13,15 +13,16 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from exumob.support.arrays import Array
-from exumob.support.checks import require_positive, require_within
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import Declared, checked
 from exumob.support.errors import SimulationError
+from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Vehicle
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
@@ -52,42 +53,35 @@ NEEDED = (
 """Variables of a run without which there is no verdict."""
 
 
+SHARE = Quantity("1", at_least=0.0, at_most=1.0)
+SPEED = Quantity("sqrt(g L)", at_least=0.0, at_most=1.0)
+ANGLE = Quantity("rad", above=0.0, below=0.5 * math.pi, remedy="it is in radians.")
+
+
 @dataclass(frozen=True)
-class VerdictLimits:
+class VerdictLimits(Declared):
     """Limits of the conditions; speeds and times are in units that scale with the vehicle.
 
     The wheelbase L makes sqrt(g L) a speed and sqrt(L / g) a time: 2.65 m/s and 0.27 s for a wheelbase of 0.714 m.
     """
 
-    persistence: float = 2.0
-    """Time over which a condition must hold on average to count [sqrt(L / g)]"""
-    stuck_share: float = 0.05
-    """Speed ahead over the speed of the tyres' tread, commanded, below which the vehicle is stuck [-]"""
-    standstill_speed: float = 0.01
-    """Commanded speed of the tread below which standing is what is wanted [sqrt(g L)]"""
-    swept_speed: float = 0.02
-    """Least speed against or aside of the commanded motion that counts as being swept away or sliding [sqrt(g L)]"""
-    swept_angle: float = math.radians(30.0)
-    """Least angle between the course and the commanded one that counts as such [rad]"""
-    wheel_load: float = 0.05
-    """Share of the weight on the wheels below which the vehicle is afloat [-]"""
-    tilt: float = math.radians(45.0)
-    """Largest angle between the hull's upright axis and the vertical [rad]; a vehicle with its centre of mass so high
-    that its weight falls beside its wheels before has tipped then"""
-    sinkage: float = 0.9
-    """Sinkage of a wheel over its radius from which it is sunk [-]; the run itself ends at 1"""
-
-    def __post_init__(self) -> None:
-        require_positive("VerdictLimits", persistence=self.persistence)
-        require_within(
-            "VerdictLimits", 0.0, 1.0, "it is a share.", stuck_share=self.stuck_share, wheel_load=self.wheel_load,
-            sinkage=self.sinkage,
-        )  # fmt: skip
-        require_within(
-            "VerdictLimits", 0.0, 1.0, "it is a share of sqrt(g wheelbase).", standstill_speed=self.standstill_speed,
-            swept_speed=self.swept_speed,
-        )  # fmt: skip
-        require_within("VerdictLimits", 0.0, 0.5 * math.pi, swept_angle=self.swept_angle, tilt=self.tilt)
+    persistence: Annotated[float, Quantity("sqrt(L / g)", above=0.0)] = 2.0
+    """Time over which a condition must hold on average to count"""
+    stuck_share: Annotated[float, SHARE] = 0.05
+    """Speed ahead over the speed of the tyres' tread, commanded, below which the vehicle is stuck"""
+    standstill_speed: Annotated[float, SPEED] = 0.01
+    """Commanded speed of the tread below which standing is what is wanted"""
+    swept_speed: Annotated[float, SPEED] = 0.02
+    """Least speed against or aside of the commanded motion that counts as being swept away or sliding"""
+    swept_angle: Annotated[float, ANGLE] = math.radians(30.0)
+    """Least angle between the course and the commanded one that counts as such"""
+    wheel_load: Annotated[float, SHARE] = 0.05
+    """Share of the weight on the wheels below which the vehicle is afloat"""
+    tilt: Annotated[float, ANGLE] = math.radians(45.0)
+    """Largest angle between the hull's upright axis and the vertical; a vehicle with so high a centre of mass that its
+    weight falls beside its wheels before has tipped then"""
+    sinkage: Annotated[float, SHARE] = 0.9
+    """Sinkage of a wheel over its radius from which it is sunk; the run itself ends at 1"""
 
 
 @dataclass(frozen=True)
@@ -190,6 +184,7 @@ class _Finding(NamedTuple):
     """How, with the place for a number"""
 
 
+@checked
 def judge(run: xr.Dataset, limits: VerdictLimits | None = None, vehicle: Vehicle | None = None) -> Verdict:
     """Judge a run of any length, made with any model of the water's loads.
 
