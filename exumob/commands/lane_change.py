@@ -31,6 +31,8 @@ from exumob.commands.options import (
     Threads,
     VehicleFile,
     option,
+    option_names,
+    radians,
 )
 from exumob.commands.shared import (
     check_targets,
@@ -123,11 +125,12 @@ def lane_change_command(  # one argument an option of the command line
     With the flow solver in the loop: exumob lane-change --hydrodynamics cfd --cell-size 0.018 --coarse --checkpoint
     run.npz --output run.nc; when it was stopped, the same with --resume.
     """
-    from exumob.driving.maneuver import lane_change
+    from exumob.driving.maneuver import STEERING_ANGLE, lane_change
     from exumob.ground.soil import Soil
     from exumob.simulation.ensemble import add_members
     from exumob.simulation.run import simulate
     from exumob.simulation.water_models import hydrodynamics_named
+    from exumob.support.quantities import DIRECTION
     from exumob.surrogates.model import SurrogateHydrodynamics
     from exumob.water.conditions import Water
 
@@ -143,35 +146,42 @@ def lane_change_command(  # one argument an option of the command line
         car = vehicle_of(vehicle)
         water = None
         if depth_ratio != 0.0:
-            direction = math.radians(current_direction)
-            water = Water.at_ratio(depth_ratio, current, tyre_diameter=car.wheel.diameter, current_direction=direction)
+            direction = radians("--current-direction", current_direction, DIRECTION)
+            with option_names():
+                water = Water.at_ratio(
+                    depth_ratio, current, tyre_diameter=car.wheel.diameter, current_direction=direction
+                )
         if networks and hydrodynamics not in (WaterModel.networks, WaterModel.auto):
             raise ValueError(f"--networks means nothing with --hydrodynamics {hydrodynamics.value}; leave one out.")
         if water is not None and hydrodynamics is WaterModel.cfd:
             grid = FlowOptions(cell_size, coarse, threads, snapshots=0.05 if animate else None)
-            model, lead = _flow_in_loop(grid, water, lambda time: progress[0](time))
+            with option_names():
+                model, lead = _flow_in_loop(grid, water, lambda time: progress[0](time))
             scheme = _scheme(coupling)
         else:
             name = "none" if hydrodynamics is WaterModel.cfd else hydrodynamics.value
             model = hydrodynamics_named(name, car, water, networks=networks)
         if members and (not isinstance(model, SurrogateHydrodynamics) or len(model.networks) < 2):
             raise ValueError("--members needs networks of two seeds at least as the water; leave it out.")
-        maneuver = lane_change(math.radians(steering), wheel_speed)
-        ground = Soil.published(soil)
+        with option_names():
+            maneuver = lane_change(radians("--steering", steering, STEERING_ANGLE), wheel_speed)
+            ground = Soil.published(soil)
     except (ValueError, OSError, ImportError) as error:
         fail(error)
     steps: dict[str, Any] = {
         "duration": duration, "setting": setting.value, "micro_step": micro_step, "macro_step": macro_step
     }  # fmt: skip
-    with simulated_time_bar(duration, "settling", "driving", lead) as advance:
-        progress.append(advance)
-        result, code = whatever_was_computed(
-            lambda: simulate(
+
+    def run(advance: Callable[[float], None]) -> xr.Dataset:
+        with option_names():
+            return simulate(
                 car, ground, water, maneuver, model, **steps, coupling=scheme, checkpoint=checkpoint, resume=resume,
                 progress=advance,
-            ),
-            output,
-        )  # fmt: skip
+            )  # fmt: skip
+
+    with simulated_time_bar(duration, "settling", "driving", lead) as advance:
+        progress.append(advance)
+        result, code = whatever_was_computed(lambda: run(advance), output)
     if members and not code:
         assert isinstance(model, SurrogateHydrodynamics)
         try:
