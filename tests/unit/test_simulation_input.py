@@ -65,15 +65,15 @@ def test_bad_step_or_duration_is_named(vehicle, sand, field, value):
         ({"micro_step": 2e-3}, r"simulate\.micro_step = 0\.002 s must divide 1 ms.*; choose"),
         (
             {"micro_step": 5e-4, "macro_step": 1.2e-3},
-            r"simulate\.macro_step = 0\.0012 s .*micro_step = 0\.0005 s; choose",
+            r"simulate\.macro_step = 0\.0012 s .* micro_step = 0\.0005 s",
         ),
         (
             {"micro_step": 5e-4, "macro_step": 2e-4},
-            r"simulate\.macro_step = 0\.0002 s .*micro_step = 0\.0005 s; choose",
+            r"simulate\.macro_step = 0\.0002 s .* micro_step = 0\.0005 s",
         ),
         (
             {"micro_step": 5e-4, "record_step": 1.3e-3},
-            r"simulate\.record_step = 0\.0013 s .*micro_step = 0\.0005 s; choose",
+            r"simulate\.record_step = 0\.0013 s .* micro_step = 0\.0005 s",
         ),
         ({"duration": 0.25, "macro_step": 20e-3}, r"simulate\.duration = 0\.25 s .*macro_step = 0\.02 s; choose"),
         ({"duration": 0.01, "macro_step": 20e-3}, r"simulate\.duration = 0\.01 s .*macro_step = 0\.02 s; choose"),
