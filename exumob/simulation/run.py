@@ -162,10 +162,10 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
         hydrodynamics.start(run.vehicle, run.water, steps.macro_step)
     settled = time.perf_counter()
 
-    def result(status: str) -> xr.Dataset:
+    def result(status: str, cause: str = "") -> xr.Dataset:
         earlier = 0.0 if store is None else store.elapsed
         walls = {"wall_time": earlier + time.perf_counter() - settled, "settling_wall_time": settled - began}
-        return build_dataset(model, run, status, walls)
+        return build_dataset(model, run, status, walls, cause)
 
     stop = StopRequest()
     try:
@@ -178,7 +178,7 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
                     progress(model.time)
                 stop.check()
     except SimulationError as error:
-        error.result = result(f"broke down at {model.time:.4f} s: {error}")
+        error.result = result(f"broke down at {model.time:.4f} s: {error}", error.cause)
         _keep(store, model, run)
         raise
     except KeyboardInterrupt:
