@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -47,6 +46,8 @@ from exumob.coupling.scheme import Coupling
 from exumob.simulation.settings import DURATION, SETTINGS, SOIL
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from exumob.coupling.flow_in_loop import CfdHydrodynamics
     from exumob.water.conditions import Water
     from exumob.water.hydrodynamics import Hydrodynamics
