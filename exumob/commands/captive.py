@@ -23,6 +23,7 @@ from exumob.commands.options import (
     Duration,
     Output,
     Threads,
+    UnusualValues,
     VehicleFile,
     option,
     option_names,
@@ -89,6 +90,7 @@ def captive_command(  # one argument an option of the command line
         Surface, option(EXPERT, "Transport of the free surface: thinc, or plic as a cross-check.")
     ] = Surface.thinc,
     threads: Threads = 1,
+    unusual: UnusualValues = False,
 ) -> None:
     """Tow a vehicle through water on a prescribed path and find the loads on its five bodies.
 
@@ -101,14 +103,16 @@ def captive_command(  # one argument an option of the command line
         from exumob.flow.output.vtk import VtkSeries
         from exumob.flow.settings import SurfaceTransport
         from exumob.flow.vehicle_window import vehicle_window
-        from exumob.support.quantities import DIRECTION
+        from exumob.support.quantities import DIRECTION, Unusual
         from exumob.towing_tank.motion import STEERING_ANGLE, TURN, YAW_RATE, CaptiveMotion
         from exumob.towing_tank.run import captive_run
         from exumob.water.conditions import Water
 
         car = vehicle_of(vehicle)
+        if unusual:
+            depth, current, wheel_speed, cell_size = map(Unusual, (depth, current, wheel_speed, cell_size))
         with option_names():
-            water = Water(depth, current, radians("--current-direction", current_direction, DIRECTION))
+            water = Water(depth, current, radians("--current-direction", current_direction, DIRECTION, unusual))
             motion = CaptiveMotion(
                 speed=speed, drift_angle=radians("--drift-angle", drift_angle, TURN),
                 yaw_rate=radians("--yaw-rate", yaw_rate, YAW_RATE),

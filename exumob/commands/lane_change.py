@@ -28,6 +28,7 @@ from exumob.commands.options import (
     SettingOption,
     SoilName,
     Threads,
+    UnusualValues,
     VehicleFile,
     option,
     option_names,
@@ -115,6 +116,7 @@ def lane_change_command(  # one argument an option of the command line
         Scheme, option(EXPERT, "Scheme by which vehicle and flow agree within a macro step (cfd).")
     ] = Scheme.semi_implicit,
     threads: Threads = 1,
+    unusual: UnusualValues = False,
 ) -> None:
     """Drive the single lane change of the paper through water on soft soil.
 
@@ -128,7 +130,7 @@ def lane_change_command(  # one argument an option of the command line
     from exumob.simulation.ensemble import add_members
     from exumob.simulation.run import simulate
     from exumob.simulation.water_models import hydrodynamics_named
-    from exumob.support.quantities import DIRECTION
+    from exumob.support.quantities import DIRECTION, Unusual
     from exumob.surrogates.model import SurrogateHydrodynamics
     from exumob.water.conditions import Water
 
@@ -142,9 +144,11 @@ def lane_change_command(  # one argument an option of the command line
         if (figure or animate) and duration < 0.1:
             raise ValueError(f"--duration {duration} s is too short to draw; give at least 0.1 s, or no --figure.")
         car = vehicle_of(vehicle)
+        if unusual:
+            depth_ratio, current, wheel_speed, cell_size = map(Unusual, (depth_ratio, current, wheel_speed, cell_size))
         water = None
         if depth_ratio != 0.0:
-            direction = radians("--current-direction", current_direction, DIRECTION)
+            direction = radians("--current-direction", current_direction, DIRECTION, unusual)
             with option_names():
                 water = Water.at_ratio(
                     depth_ratio, current, tyre_diameter=car.wheel.diameter, current_direction=direction

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from exumob.support.quantities import Quantity
+from exumob.support.quantities import Quantity, Unusual
 
 RUN = "Run"
 WATER = "Water"
@@ -79,6 +79,9 @@ Coarse = Annotated[
 ]  # fmt: skip
 Threads = Annotated[int, option(EXPERT, "Threads of the flow solver.")]
 Workers = Annotated[int, option(EXPERT, "Processes that run side by side.")]
+UnusualValues = Annotated[
+    bool, option(EXPERT, "Accept values that are possible but outside their plausible range.", "--unusual")
+]  # fmt: skip
 Seed = Annotated[int, option(EXPERT, "Seed of the random draws.")]
 
 OPTION_NAMES = {
@@ -142,15 +145,19 @@ def option_names() -> Iterator[None]:
         raise
 
 
-def radians(option: str, degrees: float, quantity: Quantity) -> float:
+def radians(option: str, degrees: float, quantity: Quantity, unusual: bool = False) -> float:
     """Return an angle or a turning given in degrees in radians, or refuse it in degrees.
 
     Raises
     ------
     ValueError
-        If it is not finite, or outside the bounds or the plausible range of the quantity.
+        If it is not finite, or outside the bounds or, unless it may be `unusual`, the plausible range of the quantity.
     """
-    bounds = (quantity.at_least, quantity.at_most) if quantity.plausible is None else quantity.plausible
+    bounds = (quantity.at_least, quantity.at_most)
+    if quantity.plausible is not None and not unusual:
+        bounds = quantity.plausible
+    if unusual and math.isfinite(degrees):
+        return Unusual(quantity.check(option, Unusual(math.radians(degrees))))
     low, high = (math.degrees(bound) for bound in bounds)
     if not low - 1e-9 <= degrees <= high + 1e-9:
         raise ValueError(f"{option} {degrees:g} must be {low:.6g} to {high:.6g} degrees; give an angle within.")
