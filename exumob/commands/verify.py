@@ -144,7 +144,8 @@ def check_options(chosen: Sequence[Case], named: bool, options: dict[str, Any], 
         If no case is named, if one lacks an option, or if not exactly one of them has a figure where one is asked for.
     """
     if options and not named:
-        raise ValueError(f"{', '.join(options)}: name the cases that this is for (exumob verify --list).")
+        flags = ", ".join(f"--{name.replace('_', '-')}" for name in options)
+        raise ValueError(f"{flags}: name the cases that this is for (exumob verify --list).")
     for case in chosen:
         case.require_options(options)
     drawn = [case.name for case in chosen if case.figure is not None]

@@ -131,5 +131,7 @@ class Case:
             Naming them and those that it has.
         """
         if unknown := [name for name in names if name not in self.options]:
-            known = ", ".join(self.options) or "none"
-            raise ValueError(f"the case {self.name} has no option {', '.join(unknown)}; it has {known}.")
+            wrong, known = (
+                ", ".join(f"--{name.replace('_', '-')}" for name in part) for part in (unknown, self.options)
+            )
+            raise ValueError(f"the case {self.name} has no option {wrong}; it has {known or 'none'}, so leave it out.")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from exumob.coupling.flow_code import BuiltInFlow
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
@@ -283,3 +284,13 @@ def test_compilation_is_said_once(tmp_path, caplog, monkeypatch):
         "the flow solver is compiled first, which takes two minutes; what is compiled is kept, "
         "later runs start at once."
     ]
+
+
+def test_training_takes_as_long_as_measured():
+    """Three minutes a seed for the paper's LSTMs, ten seconds for the networks that come with exumob; nine runs of 8 s."""
+    presets = pytest.importorskip("exumob.learning.presets").PRESETS
+    from exumob.learning.cost import training_time
+
+    runs = {str(n): xr.Dataset(coords={"time": [0.0, 8.0]}) for n in range(9)}
+    assert training_time([presets["paper-lstm"]], runs, 1) == pytest.approx(180.0)
+    assert training_time([presets["residual"]], runs, 5) == pytest.approx(50.0)
