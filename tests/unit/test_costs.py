@@ -287,7 +287,7 @@ def test_compilation_is_said_once(tmp_path, caplog, monkeypatch):
 
 
 def test_training_takes_as_long_as_measured():
-    """Three minutes a seed for the paper's LSTMs, ten seconds for the networks that come with exumob; nine runs of 8 s."""
+    """Three minutes a seed for the paper's LSTMs, ten seconds for the others; nine runs of 8 s."""
     presets = pytest.importorskip("exumob.learning.presets").PRESETS
     from exumob.learning.cost import training_time
 
