@@ -81,9 +81,9 @@ def test_flow_that_stops_hands_over_its_state_before_the_failed_step():
     solver.start()
     solver.advance(0.01)
     before = solver.save()
-    fast = np.zeros((10, 10, 21))
-    fast[4:6, 2:4, 8:12] = np.nan
-    solver.set_flow(velocity=(fast, np.zeros((11, 10, 20)), np.zeros((10, 11, 20))))
+    broken = solver.save()
+    broken["u"][6:8, 4:6, 10:14] = np.nan
+    solver.restore(broken)
     with pytest.raises(SimulationError, match=r"SimulationError\.state") as caught:
         solver.advance(0.02)
     assert caught.value.state["time"] == before["time"]
