@@ -155,7 +155,7 @@ def mesh_solid(triangles: Array, spacing: float, friction: float = HULL_FRICTION
     Parameters
     ----------
     triangles : array, shape (n, 3, 3)
-        Corners in the solid's axes [m], counter-clockwise from outside (`exumob.water.wetted_surface.mesh_triangles`
+        Corners in the solid's axes [m], counter-clockwise from outside (`exumob.water.mesh_file.mesh_triangles`
         reads and checks a file).
     spacing : float
         Spacing of the samples [m]; half a cell of the flow's grid or less.
@@ -216,9 +216,9 @@ def vehicle_solids(vehicle: Vehicle, cell_size: float, tread: Tread | None = Non
     if vehicle.hull.mesh is None:
         hull = hull_prism(vehicle.hull)
     else:
-        from exumob.water.wetted_surface import mesh_triangles
+        from exumob.water.wetted_surface import hull_triangles
 
-        hull = mesh_solid(mesh_triangles(vehicle.hull.mesh) - vehicle.hull_origin, 0.5 * cell_size)
+        hull = mesh_solid(hull_triangles(vehicle), 0.5 * cell_size)
     wheel = replace(cylinder(vehicle.wheel.radius, vehicle.wheel.width, 0.1 * vehicle.wheel.width), tread=tread)
     return hull, wheel, wheel, wheel, wheel
 

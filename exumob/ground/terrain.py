@@ -109,12 +109,12 @@ class Terrain(Declared):
         next_j, next_i = (j + 1, i) if along else (j, i + 1)
         heights, slope = (float(field[j, i]), float(field[next_j, next_i])), float(slopes[along][j, i])
         likely = max(heights, key=lambda z: abs(z - float(np.median(field))))
+        pairs = sum(int((s > most).sum()) for s in slopes)
         raise ValueError(
             f"Terrain.heights: from {heights[0]:.6g} m at [{j}, {i}] to {heights[1]:.6g} m at [{next_j}, {next_i}] is "
             f"a slope of {slope:.4g} ({math.degrees(math.atan(slope)):.1f} degrees), beyond Terrain.steepest = "
-            f"{self.steepest:g} as at {sum(int((s > most).sum()) for s in slopes)} pairs of neighbours. If {likely:.6g} marks "
-            "missing data, fill the gaps; if spacing is in another unit, give metres; if the step is real, raise "
-            "steepest."
+            f"{self.steepest:g} as at {pairs} pairs of neighbours. If {likely:.6g} marks missing data, fill the gaps; "
+            "if spacing is in another unit, give metres; if the step is real, raise steepest."
         )
 
     @classmethod

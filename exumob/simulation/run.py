@@ -20,6 +20,7 @@ from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.checkpoint import Checkpoints, Fingerprint
 from exumob.simulation.checks import check_described, check_maneuver, check_steps
 from exumob.simulation.description import RunDescription, Steps
+from exumob.simulation.over_ground import check_start_on_terrain, warn_of_ground
 from exumob.simulation.results import build_dataset
 from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, setting_named
 from exumob.simulation.stop_request import StopRequest
@@ -121,6 +122,7 @@ def simulate(  # one argument a part of the run; all but two have defaults
             "simulate.terrain: the water models know a flat bed at z = 0 only; leave out the water, or use the default "
             "terrain."
         )
+    check_start_on_terrain(vehicle, terrain)
     check_maneuver(vehicle, maneuver, duration)
     run = RunDescription(
         vehicle, soil, water, terrain, maneuver, hydrodynamics,
@@ -182,18 +184,8 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
         raise broken from error
     model.record_end()
     finished = result("completed")
-    _warn_of_keel(run.vehicle, finished)
+    warn_of_ground(run.vehicle, finished)
     return finished
-
-
-def _warn_of_keel(vehicle: Vehicle, result: xr.Dataset) -> None:
-    """Warn if the hull went into the soil, which does not push back."""
-    lowest = float(result["keel_clearance"].min())
-    if lowest < 0.0:
-        logger.warning(
-            "%s: the keel came %.3f m below the soil surface; contact of hull and soil is not modelled, so the run is "
-            "too favourable from then on. Use a firmer soil or a higher ground_clearance.", vehicle.name, -lowest,
-        )  # fmt: skip
 
 
 def _settle(model: MultibodyVehicle, run: RunDescription, store: Checkpoints | None) -> None:

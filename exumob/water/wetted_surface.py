@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from exumob.support.arrays import Array
 from exumob.vehicle.parameters import Vehicle
-from exumob.water.mesh_file import check_extent, mesh_triangles
+from exumob.water.mesh_file import hull_mesh
 
 HULL_STRIPS = 12
 """Strips along the hull; each is split at the centre plane into a port and a starboard cell."""
@@ -88,6 +88,17 @@ def cylinder_surface(radius: float, width: float, segments: int = WHEEL_SEGMENTS
     return Surface(triangles, np.zeros(len(triangles), dtype=np.int64))
 
 
+def hull_triangles(vehicle: Vehicle) -> Array:
+    """Return the surface of the hull, box or mesh, about its centre of mass: triangles [m], shape (n, 3, 3).
+
+    Raises
+    ------
+    ValueError
+        If the hull's mesh cannot be used: see `exumob.water.mesh_file`.
+    """
+    return _triangulated(_hull_faces(vehicle))
+
+
 def hull_surface(vehicle: Vehicle) -> Surface:
     """Return the surface of the hull about its centre of mass, in `HULL_STRIPS` strips of a port and a starboard cell.
 
@@ -98,11 +109,7 @@ def hull_surface(vehicle: Vehicle) -> Surface:
     ValueError
         If the hull's mesh cannot be used: see `exumob.water.mesh_file`.
     """
-    hull = vehicle.hull
-    faces = _prism_faces(hull.side_profile(), hull.width) if hull.mesh is None else list(mesh_triangles(hull.mesh))
-    if hull.mesh is not None:
-        check_extent(hull, np.concatenate(faces))
-    faces = [face - vehicle.hull_origin for face in faces]
+    faces = _hull_faces(vehicle)
     edges = strip_edges(np.concatenate(faces))
     for x in edges[1:-1]:
         faces = _split_at_plane(faces, axis=0, position=float(x))
@@ -110,6 +117,13 @@ def hull_surface(vehicle: Vehicle) -> Surface:
     middle = triangles.mean(axis=1)
     strips = np.clip(np.searchsorted(edges, middle[:, 0]) - 1, 0, HULL_STRIPS - 1)
     return Surface(triangles, 2 * strips.astype(np.int64) + (middle[:, 1] > 0.0), 2 * HULL_STRIPS)
+
+
+def _hull_faces(vehicle: Vehicle) -> list[Array]:
+    """Convex faces of the hull about its centre of mass [m]."""
+    hull = vehicle.hull
+    faces = _prism_faces(hull.side_profile(), hull.width) if hull.mesh is None else list(hull_mesh(vehicle))
+    return [face - vehicle.hull_origin for face in faces]
 
 
 def wheel_surface(vehicle: Vehicle) -> Surface:
