@@ -80,6 +80,8 @@ def check_start_on_terrain(vehicle: Vehicle, terrain: Terrain) -> None:
 
 def warn_of_ground(vehicle: Vehicle, run: xr.Dataset) -> None:
     """Warn if the hull went into the soil, which does not push back, or if a body left the field of heights."""
+    if run.sizes["time"] == 0:
+        return
     clearance = run["keel_clearance"]
     lowest = float(clearance.min())
     if lowest < 0.0:

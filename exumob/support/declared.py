@@ -119,8 +119,8 @@ def _field_checks(owner: type) -> tuple[tuple[str, str, float, float, Check], ..
         for field in fields(typing.cast(Any, owner)):
             hint = hints[field.name]
             kind, quantity = _taken_apart(hint)
-            takes_float = quantity is not None and float in (kind, *typing.get_args(kind))
-            low, high = quantity.safe if quantity is not None and takes_float else (1.0, 0.0)
+            several = typing.get_args(kind) if typing.get_origin(kind) in (typing.Union, types.UnionType) else (kind,)
+            low, high = quantity.safe if quantity is not None and float in several else (1.0, 0.0)
             rows.append((field.name, f"{owner.__name__}.{field.name}", low, high, check_of(hint)))
         known = tuple(rows)
         type.__setattr__(owner, "_checks_of_fields", known)
@@ -196,7 +196,8 @@ def _kind_of(hint: Any, quantity: Quantity | None) -> _Kind:
     if origin is Annotated:
         own = next((extra for extra in inner[1:] if isinstance(extra, Quantity)), quantity)
         if own is not None and own.shape is not None:
-            return _array(own)
+            optional = type(None) in typing.get_args(inner[0])
+            return _either([_array(own), _kind_of(type(None), None)]) if optional else _array(own)
         return _kind_of(inner[0], own)
     if origin in (typing.Union, types.UnionType):
         return _either([_kind_of(part, quantity) for part in inner])
@@ -235,8 +236,12 @@ def _kind_of(hint: Any, quantity: Quantity | None) -> _Kind:
 
 
 def _refused(name: str, value: Any, wanted: str) -> ValueError:
-    kind = "" if value is None or isinstance(value, str | Real) else f", a {type(value).__name__},"
-    return ValueError(f"{name} = {shown(value)}{kind} must be {wanted}.")
+    return ValueError(f"{name} = {_with_type(value)} must be {wanted}.")
+
+
+def _with_type(value: Any) -> str:
+    plain = value is None or isinstance(value, str | Real | type)
+    return shown(value) if plain else f"{shown(value)} ({type(value).__name__})"
 
 
 def _either(kinds: list[_Kind]) -> _Kind:
@@ -248,14 +253,17 @@ def _either(kinds: list[_Kind]) -> _Kind:
                 return kind.check(name, value)
         raise _refused(name, value, wanted)
 
-    only = [kind for kind in kinds if kind.wanted != "None"]
-    if len(only) == 1 and only[0].wanted == "a number":  # its own message says unit and bounds
+    def fits(value: Any) -> bool:
+        return any(kind.fits(value) for kind in kinds)
 
-        def check_number(name: str, value: Any) -> Any:
-            return None if value is None else only[0].check(name, value)
+    others = [kind for kind in kinds if kind.wanted != "None"]
+    if len(others) == 1 and len(kinds) == 2:  # its own message says more
 
-        return _Kind(lambda value: any(kind.fits(value) for kind in kinds), check_number, wanted)
-    return _Kind(lambda value: any(kind.fits(value) for kind in kinds), check, wanted)
+        def check_given(name: str, value: Any) -> Any:
+            return None if value is None else others[0].check(name, value)
+
+        return _Kind(fits, check_given, wanted)
+    return _Kind(fits, check, wanted)
 
 
 def _whole_number(quantity: Quantity | None) -> _Kind:
@@ -390,8 +398,8 @@ def _protocol(owner: type) -> _Kind:
         lacking = missing(value)
         if lacking:
             raise ValueError(
-                f"{name} = {shown(value)}, a {type(value).__name__}, has no {' and no '.join(lacking[:3])}; it must be "
-                f"a {owner.__name__} ({owner.__module__}.{owner.__name__} says what that is)."
+                f"{name} = {_with_type(value)} has no {' and no '.join(lacking[:3])}; it must be a "
+                f"{owner.__name__} ({owner.__module__}.{owner.__name__} says what that is)."
             )
         return value
 

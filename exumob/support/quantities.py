@@ -99,7 +99,7 @@ class Quantity:
 
     __slots__ = ("above", "at_least", "at_most", "below", "infinite", "plausible", "remedy", "shape", "unit")
 
-    def __init__(
+    def __init__(  # one argument a property of the value; all but the unit have defaults
         self,
         unit: str,
         *,
@@ -142,7 +142,9 @@ class Quantity:
 
     def within_bounds(self, value: float) -> bool:
         """Tell if a number is possible."""
-        return self.above < value < self.below and self.at_least <= value <= self.at_most
+        above = value > self.above or self.above == -math.inf
+        below = value < self.below or self.below == math.inf
+        return above and below and self.at_least <= value <= self.at_most
 
     def check(self, name: str, value: Any) -> float:
         """Return a value as a number, or refuse it.
@@ -171,14 +173,14 @@ class Quantity:
             raise ValueError(f"{name} = {shown(value)} is not a finite number; give {wanted}.")
         if not self.within_bounds(number):
             remedy = self.remedy or self.likely_unit(number) or f"give a value within, in {self.symbol or 'no unit'}."
-            raise ValueError(f"{name} = {self.text(number)} must be {self.bounds}; {remedy}")
+            raise ValueError(f"{name} = {self._exact(number)} must be {self.bounds}; {remedy}")
         if self.plausible is not None and not isinstance(number, Unusual) and number != 0.0:
             low, high = self.plausible
             if not low <= number <= high:
                 likely = self.likely_unit(number)
                 raise ImplausibleValue(
-                    f"{name} = {self.text(number)} is outside the plausible range, {low:.6g} to {self.text(high)}; "
-                    f"{likely + ' ' if likely else ''}If it is meant: unusual({number:.9g}) in Python, --unusual at "
+                    f"{name} = {self._exact(number)} is outside the plausible range, {low:.6g} to {self.text(high)}; "
+                    f"{likely + ' ' if likely else ''}If it is meant: unusual({number!r}) in Python, --unusual at "
                     "the command line."
                 )
         return number
@@ -192,6 +194,9 @@ class Quantity:
                 right = f"math.radians({number:g})" if unit == "degrees" else self.text(converted)
                 return f"is it in {unit}? Then give {right}."
         return ""
+
+    def _exact(self, number: float) -> str:
+        return f"{float(number)!r} {self.symbol}".rstrip()
 
     def text(self, number: float) -> str:
         """A number with its unit."""
@@ -210,6 +215,8 @@ DIRECTION = Quantity("rad", plausible=(-2.0 * math.pi, 2.0 * math.pi))
 """Direction, counter-clockwise from world x"""
 DURATION = Quantity("s", above=0.0, at_most=1e6)
 """Simulated time"""
+STEP = Quantity("s", above=0.0, at_most=1e6)
+"""Step of time"""
 
 
 def shown(value: object, length: int = 60) -> str:

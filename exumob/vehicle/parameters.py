@@ -18,6 +18,8 @@ from exumob.support.checks import require_within
 from exumob.support.declared import Declared
 from exumob.support.quantities import ImplausibleValue, Quantity, Unusual
 
+SLOWEST_HEAVE = 0.2
+"""Slowest plausible heave of a hull on its springs [Hz]; cars have 1 to 2, small models 3 to 10."""
 Motion = tuple[float, float, float]
 """A value and its first and second time derivatives."""
 
@@ -58,11 +60,11 @@ class Hull(Declared):
 
     def _check(self) -> None:
         require_within(
-            "Hull", -self.length, self.length, "the hull is no longer than Hull.length.",
+            "Hull", -self.length, self.length, "give a place within Hull.length.",
             center_of_mass_x=self.center_of_mass_x, center_x=self.center_x,
         )  # fmt: skip
-        require_within("Hull", 0.0, self.length, "the rake is a part of Hull.length.", bow_length=self.bow_length)
-        require_within("Hull", 0.0, self.height, "the rake is a part of Hull.height.", bow_height=self.bow_height)
+        require_within("Hull", 0.0, self.length, "give a part of Hull.length.", bow_length=self.bow_length)
+        require_within("Hull", 0.0, self.height, "give a part of Hull.height.", bow_height=self.bow_height)
         density = self.mass / (self.length * self.width * self.height)
         if not 5.0 <= density <= 5000.0 and not isinstance(self.mass, Unusual):
             raise ImplausibleValue(
@@ -256,6 +258,14 @@ class Vehicle(Declared):
                 f"diameter ({self.wheel.diameter:g} m) and width ({self.wheel.width:g} m): its wheels would overlap. "
                 "Move the axles apart or give smaller wheels."
             )
+        for suspension in self.axle_suspensions:
+            frequency = math.sqrt(4.0 * suspension.stiffness / self.hull.mass) / (2.0 * math.pi)
+            if frequency < SLOWEST_HEAVE and not isinstance(suspension.stiffness, Unusual):
+                raise ImplausibleValue(
+                    f"Suspension.stiffness = {suspension.stiffness:g} N/m lets {self.hull.mass:g} kg heave at "
+                    f"{frequency:.2g} Hz; is it in N/mm? Then give {1e3 * suspension.stiffness:g} N/m. If it is meant: "
+                    f"stiffness=unusual({suspension.stiffness:g})."
+                )
         front = self.front_load_share
         if not 0.05 <= front <= 0.95:
             raise ValueError(
