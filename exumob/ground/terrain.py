@@ -268,9 +268,7 @@ def hermite_nodes(heights: Array) -> Array:
                 down, up = -up, -down
             least, most = np.maximum(least, down), np.minimum(most, up)
     c = np.clip(_rises(rise_x, 0) / 9.0, least, most)
-    nodes = np.stack([heights, a, b, c], axis=-1)
-    nodes.setflags(write=False)
-    return nodes
+    return np.stack([heights, a, b, c], axis=-1)
 
 
 def _rises(values: Array, axis: int) -> Array:

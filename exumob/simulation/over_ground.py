@@ -44,8 +44,13 @@ def keel_clearance(vehicle: Vehicle, terrain: Terrain, states: BodyStates) -> Ar
         [m]; negative: the hull reaches so far below the surface.
     """
     corners, faces = _corners_and_faces(hull_triangles(vehicle))
+    position, rotation = states.position[:, 0], states.rotation[:, 0]
+    if terrain.heights is None:
+        up = np.array([-terrain.slope_x, -terrain.slope_y, 1.0])  # height over the plane is linear: least at a corner
+        least = [(corners @ (up @ turned)).min() for turned in rotation]
+        return np.asarray(position @ up + np.array(least) - terrain.height)
     found = np.empty(len(states))
-    _clearances(*terrain.as_arrays(), corners, faces, states.position[:, 0], states.rotation[:, 0], found)
+    _clearances(*terrain.as_arrays(), corners, faces, position, rotation, found)
     return found
 
 
@@ -117,7 +122,7 @@ def _corners_and_faces(triangles: Array) -> tuple[Array, Integers]:
 def _clearances(
     terrain: np.ndarray, nodes: Array, corners: Array, faces: Integers, position: Array, rotation: Array, found: Array
 ) -> None:
-    """Fill `found` with the clearance at each instant."""
+    """Fill `found` with the clearance over a field of heights at each instant."""
     ground = terrain[0]
     placed = np.empty_like(corners)
     low, high = np.empty(3), np.empty(3)
@@ -136,9 +141,7 @@ def _clearances(
                 low[axis], high[axis] = min(low[axis], x), max(high[axis], x)
             z, _, _ = terrain_height(ground, nodes, placed[k, 0], placed[k, 1])
             least = min(least, placed[k, 2] - z)
-        if nodes.size > 0:
-            least = _under_faces(ground, nodes, placed, faces, low, high, size, least)
-        found[n] = least
+        found[n] = _under_faces(ground, nodes, placed, faces, low, high, size, least)
 
 
 @njit(cache=True, error_model="numpy")

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,6 @@ from scipy.spatial.transform import Rotation
 from exumob.support.constants import GRAVITY
 from exumob.vehicle.vehicle_file import load_vehicle
 from exumob.water.hydrostatics import hydrostatic_wrench, wetted
-from exumob.water.mesh_file import mesh_triangles
 from exumob.water.wetted_surface import (
     body_surfaces,
     box_surface,
@@ -241,25 +239,3 @@ def test_mesh_hull_equals_the_box_hull(vehicle, tmp_path):
     expected = hydrostatic_wrench(hull_surface(vehicle), rotation, [0, 0, 0.15], 0.12)
     actual = hydrostatic_wrench(hull_surface(meshed), rotation, [0, 0, 0.15], 0.12)
     np.testing.assert_allclose(actual, expected, atol=1e-4)  # STL holds single precision
-
-
-def test_bad_meshes_are_refused(tmp_path):
-    trimesh = pytest.importorskip("trimesh")
-    box = trimesh.creation.box((1.0, 0.4, 0.2))
-    inverted, holed = box.copy(), box.copy()
-    inverted.invert()
-    holed.update_faces(np.arange(len(box.faces)) > 0)
-    inverted.export(tmp_path / "inverted.stl")
-    holed.export(tmp_path / "holed.stl")
-    with pytest.raises(ValueError, match="inwards"):
-        mesh_triangles(tmp_path / "inverted.stl")
-    with pytest.raises(ValueError, match="not watertight"):
-        mesh_triangles(tmp_path / "holed.stl")
-    with pytest.raises(FileNotFoundError, match=r"hull\.stl"):
-        mesh_triangles(tmp_path / "hull.stl")
-
-
-def test_missing_trimesh_says_how_to_get_it(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "trimesh", None)
-    with pytest.raises(ImportError, match=r"exumob\[mesh\]"):
-        mesh_triangles(tmp_path / "hull.stl")

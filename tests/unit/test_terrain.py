@@ -164,7 +164,7 @@ GAP[1, 2] = -9999.0
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"slope_x": 3.0}, "slope_x = 3 must be >= -2 and <= 2; slopes are rise over run"),
+        ({"slope_x": 3.0}, "slope_x = 3.0 must be >= -2 and <= 2; slopes are rise over run"),
         ({"height": math.nan}, "height = nan is not a finite number"),
         ({"heights": np.zeros(4)}, r"heights has shape \(4,\)"),
         ({"heights": np.zeros((1, 4))}, r"heights has shape \(1, 4\)"),
@@ -179,11 +179,11 @@ GAP[1, 2] = -9999.0
             r"from 120 m at \[1, 1\] to 0 m .*89.5 deg.*If 0 marks",
         ),
         ({"heights": 1e3 * np.arange(6.0).reshape(2, 3), "spacing": 0.5}, "Terrain.steepest = 5 as at 7 pairs"),
-        ({"heights": DEM.astype(object)}, "holds float objects|not numbers"),
+        ({"heights": DEM.astype(object)}, "not numbers"),
         ({"heights": DEM.astype(str)}, "holds texts"),
         ({"heights": DEM > 0.0}, "holds logical values"),
         ({"heights": DEM + 0j}, "holds complex values"),
-        ({"heights": np.zeros((3, 3)), "spacing": 0.0}, "spacing = 0 m must be > 0"),
+        ({"heights": np.zeros((3, 3)), "spacing": 0.0}, "spacing = 0.0 m must be > 0"),
         ({"heights": np.zeros((3, 3)), "spacing": (0.1, -0.1)}, r"spacing\[1\] = -0.1 m must be > 0.*heights\[::-1\]"),
         ({"heights": np.zeros((3, 3)), "spacing": (0.1, 0.1, 0.1)}, "spacing = .* has 3 values; it must have 2"),
         ({"heights": np.zeros((3, 3)), "spacing": 2.8e-4}, "plausible range"),
