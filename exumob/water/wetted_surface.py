@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from exumob.support.arrays import Array
+from exumob.support.arrays import Array, checked_array
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.mesh_file import hull_mesh
 
@@ -20,6 +23,8 @@ HULL_STRIPS = 12
 
 WHEEL_SEGMENTS = 24
 """Flat faces round a wheel's tread; with 24 the lift of a part-wet wheel is within 0.05 % of the cylinder's."""
+
+SIZE = Quantity("m", above=0.0, at_most=1e6)
 
 Integers = NDArray[np.int64]
 
@@ -35,11 +40,24 @@ class Surface:
     cells : array of int, shape (n,)
         Cell of each triangle, 0 ... n_cells - 1.
     n_cells : int
+
+    Raises
+    ------
+    ValueError
+        If shapes do not agree, a corner is not finite, or a cell is none of 0 ... n_cells - 1.
     """
 
     triangles: Array
     cells: Integers
     n_cells: int = 1
+
+    def __post_init__(self) -> None:
+        triangles = checked_array("Surface.triangles", self.triangles, ("n", 3, 3))
+        cells = checked_array("Surface.cells", self.cells, (len(triangles),))
+        if len(cells) and not (cells.min() >= 0 and cells.max() < self.n_cells and (cells == np.floor(cells)).all()):
+            raise ValueError(f"Surface.cells must be whole numbers from 0 to n_cells - 1 = {self.n_cells - 1}.")
+        object.__setattr__(self, "triangles", triangles.copy())  # kernels are compiled for arrays that can be written
+        object.__setattr__(self, "cells", cells.astype(np.int64))
 
     @property
     def volume(self) -> float:
@@ -55,7 +73,13 @@ class Surface:
         return six_volumes @ (a + b + c) / (4.0 * six_volumes.sum())
 
 
-def box_surface(length: float, width: float, height: float, center: ArrayLike = (0.0, 0.0, 0.0)) -> Surface:
+@checked
+def box_surface(
+    length: Annotated[float, SIZE],
+    width: Annotated[float, SIZE],
+    height: Annotated[float, SIZE],
+    center: Annotated[ArrayLike, Quantity("m", at_least=-1e9, at_most=1e9, shape=(3,))] = (0.0, 0.0, 0.0),
+) -> Surface:
     """Return a box with its edges along the body's axes.
 
     Parameters
@@ -71,7 +95,12 @@ def box_surface(length: float, width: float, height: float, center: ArrayLike = 
     return Surface(triangles, np.zeros(len(triangles), dtype=np.int64))
 
 
-def cylinder_surface(radius: float, width: float, segments: int = WHEEL_SEGMENTS) -> Surface:
+@checked
+def cylinder_surface(
+    radius: Annotated[float, SIZE],
+    width: Annotated[float, SIZE],
+    segments: Annotated[int, Quantity("1", at_least=3, at_most=100_000)] = WHEEL_SEGMENTS,
+) -> Surface:
     """Return a cylinder about the body's y axis: a prism with the cylinder's exact volume.
 
     Parameters

@@ -13,6 +13,7 @@ from exumob.support.constants import GRAVITY
 from exumob.vehicle.vehicle_file import load_vehicle
 from exumob.water.hydrostatics import hydrostatic_wrench, wetted
 from exumob.water.wetted_surface import (
+    Surface,
     body_surfaces,
     box_surface,
     cylinder_surface,
@@ -239,3 +240,35 @@ def test_mesh_hull_equals_the_box_hull(vehicle, tmp_path):
     expected = hydrostatic_wrench(hull_surface(vehicle), rotation, [0, 0, 0.15], 0.12)
     actual = hydrostatic_wrench(hull_surface(meshed), rotation, [0, 0, 0.15], 0.12)
     np.testing.assert_allclose(actual, expected, atol=1e-4)  # STL holds single precision
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"position": np.ma.masked_greater([0.0, 0.0, 1.0], 0.5)}, "position: 1 of 3 values is masked"),
+        ({"position": [0.0, math.nan, 1.0]}, "position: 1 of 3 values is not finite"),
+        ({"position": [0.0, 1.0]}, r"position has shape \(2,\)"),
+        ({"rotation": np.eye(2)}, r"rotation has shape \(2, 2\)"),
+        ({"rotation": 2.0 * np.eye(3)}, "rotation is no rotation matrix"),
+        ({"rotation": np.diag([1.0, 1.0, -1.0])}, "rotation is no rotation matrix"),
+        ({"level": math.inf}, "level = inf is not a finite number"),
+        ({"density": 1.0}, "density = 1.0 kg/m.3 is outside the plausible range"),
+        ({"surface": None}, "surface = None"),
+    ],
+)
+def test_bad_input_is_named(changes, message):
+    arguments = {"surface": box_surface(1.0, 1.0, 1.0), "rotation": np.eye(3), "position": [0, 0, 1], "level": 1.0}
+    with pytest.raises(ValueError, match=message):
+        hydrostatic_wrench(**(arguments | changes))
+
+
+def test_bad_surfaces_are_named():
+    triangles = box_surface(1.0, 1.0, 1.0).triangles
+    with pytest.raises(ValueError, match=r"Surface\.cells has shape \(3,\)"):
+        Surface(triangles, np.zeros(3, np.int64))
+    with pytest.raises(ValueError, match=r"from 0 to n_cells - 1 = 0"):
+        Surface(triangles, np.ones(len(triangles), np.int64))
+    with pytest.raises(ValueError, match=r"Surface\.triangles: 1 of 108 values is masked"):
+        Surface(np.ma.array(triangles, mask=np.arange(108).reshape(12, 3, 3) == 5), np.zeros(12, np.int64))
+    with pytest.raises(ValueError, match=r"length = -1\.0 m must be > 0"):
+        box_surface(-1.0, 1.0, 1.0)
