@@ -17,6 +17,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, Tread
+from exumob.flow.bed import require_bed
 from exumob.flow.cost import flow_cost, require_room
 from exumob.flow.grid import CELL_SIZE
 from exumob.flow.resolution import checked_solids
@@ -129,8 +130,11 @@ def captive_run(  # the front door of captive runs: each argument is a choice of
         raise ValueError(f"captive_run.settings: FlowSettings.follow = {settings.follow}; it must be 0, the hull.")
     steering_range = check_motion(motion, vehicle, water, duration)
     _warn_of_late_ramp(motion, duration)
+    way = _way(motion, vehicle, water, duration)
     if grid is None:
-        grid = vehicle_window(vehicle, cell_size, water, terrain, _way(motion, vehicle, water, duration))
+        grid = vehicle_window(vehicle, cell_size, water, terrain, way)
+    if terrain is not None:
+        require_bed(terrain, grid, way)
     _check_cost(grid, settings, _fastest(motion, vehicle, water, duration), vehicle.name, (steps, every, interval))
     solids = checked_solids(vehicle, grid, steering_range, allow_coarse, tread)
     solver = FlowSolver(grid, solids, water, settings, terrain)
