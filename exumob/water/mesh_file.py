@@ -95,7 +95,23 @@ def _digest(file: Path) -> str:
 def _read(file: Path, digest: str) -> Array:
     """Triangles of a file with this digest of its contents."""
     name = f"Hull.mesh = {file}"
-    corners, faces = _merged(*_loaded(name, file))
+    return _sound(name, *_loaded(name, file))
+
+
+def sound_triangles(name: str, triangles: Array) -> Array:
+    """Return triangles after the checks of `mesh_triangles`, in whose errors they are called `name`.
+
+    Parameters
+    ----------
+    name : str
+    triangles : array, shape (n, 3, 3)
+        [m]
+    """
+    return _sound(name, triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+
+
+def _sound(name: str, corners: Array, faces: Faces) -> Array:
+    corners, faces = _merged(corners, faces)
     if len(faces) == 0:
         raise ValueError(f"{name} holds no triangles; give the closed surface of the hull (STL, OBJ ...).")
     _require_closed(name, corners, faces)
