@@ -18,7 +18,7 @@ from exumob.support.provenance import parameters_json, provenance
 from exumob.vehicle.motion import BODIES, WHEELS, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.flow_states import FLOW_STATES, flow_states
-from exumob.water.mesh_file import mesh_digest
+from exumob.water.mesh_file import mesh_provenance
 
 logger = logging.getLogger(__name__)
 
@@ -188,7 +188,7 @@ def build_dataset(
         "parameters": parameters_json(run.parts()),
         **wall_times,
         **({"cause": cause} if cause else {}),
-        **({"hull_mesh_sha256": mesh_digest(vehicle.hull)} if vehicle.hull.mesh is not None else {}),
+        **mesh_provenance(vehicle.hull),
     }
     return with_verdict(dataset, judge(dataset, vehicle=vehicle))
 

@@ -35,6 +35,7 @@ from exumob.towing_tank.motion import CaptiveMotion, PrescribedMotion
 from exumob.towing_tank.record import CaptiveRecord
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
+from exumob.water.mesh_file import mesh_provenance
 
 logger = logging.getLogger(__name__)
 
@@ -188,7 +189,7 @@ class _Run:
     def result(self, status: str) -> xr.Dataset:
         """Return the record with all that it takes to understand and repeat the run."""
         return self.record.dataset(self.interval).assign_attrs(
-            provenance() | {
+            provenance() | mesh_provenance(self.vehicle.hull) | {
                 "title": f"exumob captive run of {self.vehicle.name}",
                 "status": status,
                 "parameters": parameters_json(self.parameters),

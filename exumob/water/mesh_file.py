@@ -48,6 +48,11 @@ def mesh_digest(hull: Hull) -> str:
     return "" if hull.mesh is None else _digest(_existing(hull.mesh))
 
 
+def mesh_provenance(hull: Hull) -> dict[str, str]:
+    """Return the attribute of results that tells which mesh file a hull had; none for a hull without one."""
+    return {} if hull.mesh is None else {"hull_mesh_sha256": mesh_digest(hull)}
+
+
 def hull_mesh(vehicle: Vehicle) -> Array:
     """Return the triangles of a hull's mesh in the design frame [m], shape (n, 3, 3), after all checks.
 

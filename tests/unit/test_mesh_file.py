@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 
+from exumob.surrogates.networks import geometry
 from exumob.water.hydrostatics import hydrostatic_wrench
 from exumob.water.mesh_file import mesh_digest, mesh_triangles
 from exumob.water.mesh_lines import lines_through
@@ -229,3 +230,11 @@ def test_lines_through_a_corner_and_along_a_face():
     assert found.wrong.max() == 0.0
     assert found.enclosed[1, 1] == pytest.approx(0.75)
     assert found.enclosed[3].max() == 0.0
+
+
+def test_networks_know_the_contents_of_a_mesh(vehicle, tmp_path):
+    one = geometry(with_mesh(vehicle, box(), tmp_path))
+    other = geometry(with_mesh(vehicle, box((1.0, 0.42, 0.2)), tmp_path))
+    assert one["hull.mesh"] != other["hull.mesh"]
+    assert {k: v for k, v in one.items() if k != "hull.mesh"} == {k: v for k, v in other.items() if k != "hull.mesh"}
+    assert geometry(vehicle)["hull.mesh"] is None
