@@ -328,7 +328,7 @@ def terrain_height(terrain: Any, nodes: Array, x: float, y: float) -> tuple[floa
     Returns
     -------
     tuple of float
-        z [m], dz/dx [-], dz/dy [-].
+        z [m], dz/dx [-], dz/dy [-]; nan where x or y is.
     """
     slope_x, slope_y = terrain.slope_x, terrain.slope_y
     z = terrain.height + slope_x * x + slope_y * y
@@ -337,6 +337,8 @@ def terrain_height(terrain: Any, nodes: Array, x: float, y: float) -> tuple[floa
         return z, slope_x, slope_y
     column = (x - terrain.origin_x) / terrain.spacing_x
     row = (y - terrain.origin_y) / terrain.spacing_y
+    if math.isnan(column) or math.isnan(row):
+        return math.nan, math.nan, math.nan  # and no place in the memory
     inside_x = 0.0 <= column <= n_x - 1.0
     inside_y = 0.0 <= row <= n_y - 1.0
     column = min(max(column, 0.0), n_x - 1.0)

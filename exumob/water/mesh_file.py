@@ -63,7 +63,12 @@ def hull_mesh(vehicle: Vehicle) -> Array:
     """
     if vehicle.hull.mesh is None:
         raise ValueError(f"{vehicle.name}: Hull.mesh is None; there is no mesh to read.")
-    return _checked_mesh(vehicle, mesh_digest(vehicle.hull))
+    digest = mesh_digest(vehicle.hull)
+    try:
+        hash(vehicle)
+    except TypeError:  # a class of the user's own, with a list in it for instance
+        return _checked_mesh.__wrapped__(vehicle, digest)
+    return _checked_mesh(vehicle, digest)
 
 
 def mesh_triangles(file: str | Path) -> Array:

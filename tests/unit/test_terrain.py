@@ -143,6 +143,13 @@ def test_map_coordinates_lose_nothing():
         assert there == pytest.approx(here, abs=1e-8)
 
 
+def test_a_place_that_is_none_has_no_height(hills):
+    terrain, nodes = hills.as_arrays()
+    assert np.isnan(terrain_height(terrain[0], nodes, math.nan, 3.0)).all()
+    assert np.isnan(terrain_height(terrain[0], nodes, 0.0, math.nan)).all()
+    assert terrain_height(terrain[0], nodes, 1e300, -1e300)[1:] == (0.05, -0.02)
+
+
 def test_knows_what_it_holds():
     field = Terrain(heights=np.zeros((5, 9)), origin=(456_789.0, 5_432_101.0), spacing=(0.5, 0.25))
     assert field.extent == (456_789.0, 456_793.0, 5_432_101.0, 5_432_102.0)
