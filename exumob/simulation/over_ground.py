@@ -130,6 +130,9 @@ def _clearances(
     for axis in range(3):
         size = max(size, corners[:, axis].max() - corners[:, axis].min())
     for n in range(len(position)):
+        if not np.isfinite(position[n].sum() + rotation[n].sum()):  # a run that broke down
+            found[n] = np.nan
+            continue
         least = np.inf
         low[:], high[:] = np.inf, -np.inf
         for k in range(len(corners)):

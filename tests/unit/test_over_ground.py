@@ -109,6 +109,12 @@ def test_clearance_of_a_mesh(vehicle, tmp_path):
     assert found > keel_clearance(vehicle, off_middle, states)[0] + 0.01
 
 
+def test_a_hull_that_is_nowhere_has_no_clearance(vehicle):
+    states = standing(vehicle, [(0.0, 0.0), (np.nan, 0.0), (np.inf, 0.0), (1e9, -1e9)])
+    found = keel_clearance(vehicle, field(ridge, 0.02), states)
+    assert found == pytest.approx([0.078 - 0.12, np.nan, np.nan, 0.078], nan_ok=True)
+
+
 def test_marks_what_is_outside(vehicle):
     ground = field(lambda x, y: 0.0 * x, 0.5)
     found = outside_terrain(vehicle, ground, standing(vehicle, [(0.0, 0.0), (1.6, 0.0), (1.7, 0.0), (0.0, -3.0)]))
