@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from exumob.support.arrays import Array
 from exumob.support.checks import require_finite
+from exumob.support.cost import require_memory
 from exumob.support.declared import Declared, checked
 from exumob.support.quantities import DIRECTION, Quantity
 
@@ -47,6 +48,9 @@ TERRAIN_RECORD = np.dtype(
 
 HEIGHT_RANGE = (-1000.0, 9000.0)
 """Heights on land [m], with room below the lowest shore; -9999, -32768 and 1e20 stand for missing data."""
+
+BYTES_PER_POINT = 180
+"""Memory for a point of a field while its slopes are limited [bytes]; 40 are kept."""
 
 SLOPE = Quantity("1", at_least=-2.0, at_most=2.0, remedy="slopes are rise over run: math.tan(angle).")
 
@@ -91,6 +95,10 @@ class Terrain(Declared):
         field = np.asarray(self.heights)
         if min(field.shape) < 2:
             raise ValueError(f"Terrain.heights has shape {field.shape}; give an array (n_y, n_x), 2 by 2 or larger.")
+        require_memory(
+            f"Terrain.heights of {field.shape[0]} by {field.shape[1]} points", BYTES_PER_POINT * field.size,
+            "cut out what the run drives over, or take every second point.",
+        )  # fmt: skip
         low, high = HEIGHT_RANGE
         beyond = (field < low) | (field > high)
         if beyond.any():

@@ -24,6 +24,9 @@ POINTS_ALONG = 20
 MOST_ALONG = 400
 """Points along an edge as long as the hull at most."""
 
+BLOCK = 1_000_000
+"""Heights of corners that are held at a time."""
+
 
 def keel_clearance(vehicle: Vehicle, terrain: Terrain, states: BodyStates) -> Array:
     """Compute the smallest height of the hull above the soil surface.
@@ -45,11 +48,13 @@ def keel_clearance(vehicle: Vehicle, terrain: Terrain, states: BodyStates) -> Ar
     """
     corners, faces = _corners_and_faces(hull_triangles(vehicle))
     position, rotation = states.position[:, 0], states.rotation[:, 0]
+    found = np.empty(len(states))
     if terrain.heights is None:
         up = np.array([-terrain.slope_x, -terrain.slope_y, 1.0])  # height over the plane is linear: least at a corner
-        least = [(corners @ (up @ turned)).min() for turned in rotation]
-        return np.asarray(position @ up + np.array(least) - terrain.height)
-    found = np.empty(len(states))
+        rows = max(1, BLOCK // len(corners))
+        for n in range(0, len(found), rows):
+            found[n : n + rows] = ((up @ rotation[n : n + rows]) @ corners.T).min(axis=1)
+        return found + position @ up - terrain.height
     _clearances(*terrain.as_arrays(), corners, faces, position, rotation, found)
     return found
 

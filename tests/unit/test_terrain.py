@@ -214,3 +214,10 @@ def test_a_step_that_is_meant_passes():
 def test_angle_in_degrees_is_rejected():
     with pytest.raises(ValueError, match="radians"):
         Terrain.slope(20.0)
+
+
+def test_a_field_that_does_not_fit_into_memory(monkeypatch):
+    monkeypatch.setattr("exumob.support.cost.memory_limit", lambda: 1e6)
+    with pytest.raises(ValueError, match=r"Terrain\.heights of 100 by 200 points: about .* of memory.*cut out"):
+        Terrain(heights=np.zeros((100, 200)))
+    assert Terrain(heights=np.zeros((10, 20))).extent == (0.0, 19.0, 0.0, 9.0)
