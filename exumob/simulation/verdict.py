@@ -211,14 +211,35 @@ def judge(run: xr.Dataset, limits: VerdictLimits | None = None, vehicle: Vehicle
         missing.append("water_load")
     if missing:
         raise ValueError(f"judge: the run has no {', '.join(missing)}; a verdict needs what `simulate` records.")
-    parameters = json.loads(run.attrs.get("parameters", "{}"))
-    stored = parameters.get("vehicle")
+    water = next(iter((_parameters(run).get("water") or {"": None}).values()))
+    depth = 0.0 if water is None else float(water["depth"])
+    return _judged(run, limits, _dimensions(run, vehicle), depth)
+
+
+def wheel_load_share(run: xr.Dataset, vehicle: Vehicle | None = None) -> Array:
+    """Return the share of the weight that the wheels bear [-], shape (n,).
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        As for `judge`.
+    vehicle : Vehicle, optional
+        Default: the vehicle that the run's attribute ``parameters`` holds.
+    """
+    borne = run["soil_force"].sel(axis="z").sum("wheel").values.astype(float)
+    return np.asarray(borne / _dimensions(run, vehicle).weight)
+
+
+def _parameters(run: xr.Dataset) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(run.attrs.get("parameters", "{}"))
+    return found
+
+
+def _dimensions(run: xr.Dataset, vehicle: Vehicle | None) -> _Dimensions:
+    stored = _parameters(run).get("vehicle")
     if vehicle is None and stored is None:
         raise ValueError("judge: the run does not hold its vehicle; give vehicle=...")
-    size = _Dimensions.of(next(iter(stored.values())) if vehicle is None else asdict(vehicle))
-    water = next(iter((parameters.get("water") or {"": None}).values()))
-    depth = 0.0 if water is None else float(water["depth"])
-    return _judged(run, limits, size, depth)
+    return _Dimensions.of(next(iter(stored.values())) if vehicle is None else asdict(vehicle))
 
 
 def _judged(run: xr.Dataset, limits: VerdictLimits, size: _Dimensions, depth: float) -> Verdict:

@@ -217,7 +217,7 @@ def test_round_trip(short_run, tmp_path):
 
 
 def test_figures_of_a_loaded_run_are_the_same(short_run, tmp_path):
-    assert summary(load_dataset(save_dataset(short_run, tmp_path / "run.nc"))) == summary(short_run)
+    np.testing.assert_equal(summary(load_dataset(save_dataset(short_run, tmp_path / "run.nc"))), summary(short_run))
 
 
 def test_saving_over_an_older_result_replaces_it(short_run, tmp_path):
