@@ -75,7 +75,8 @@ def add_members(
         rows = min(run.sizes["time"], len(times))
         position[n, :rows] = run["position"].sel(body="hull").values[:rows]
         yaw[n, :rows] = run["yaw"].sel(body="hull").values[:rows]
-    names = [network.name for network in members]
+    about = {"units": "1", "long_name": "member of the ensemble of networks"}
+    names = xr.Variable("member", [network.name for network in members], about)
     return result.assign(
         member_position=xr.DataArray(
             position, {"member": names, "time": result["time"], "axis": result["axis"]}, ("member", "time", "axis"),

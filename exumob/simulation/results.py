@@ -81,6 +81,8 @@ COORDINATES = {
     "state": "state of paper Eq. 7",
     "work_kind": "what does the work",
     "constraint_level": "level on which the constraints are looked at",
+    "range_kind": "range of one input of the networks, or of all together",
+    "frame_component": "place and heading of the grid's frame",
 }
 """Names along dimensions, with their meaning."""
 
@@ -173,10 +175,12 @@ def build_dataset(
             "constraint_level": ["position", "velocity"],
         },
     )
-    for name, text in COORDINATES.items():
-        dataset[name].attrs |= {"units": "1", "long_name": text}
     dataset = dataset.assign({f"hydrodynamics_{k}": v for k, v in run.hydrodynamics.record().items()})
     dataset = dataset.merge({f"coupling_{k}": v for k, v in run.coupling.record().items()}, join="outer")
+    named = {name: text for name, text in COORDINATES.items() if name in dataset.coords}
+    dataset = dataset.assign_coords(
+        {name: (name, dataset[name].values, {"units": "1", "long_name": text}) for name, text in named.items()}
+    )
     dataset.attrs = provenance() | {
         "title": f"exumob run of {vehicle.name}",
         "status": status,

@@ -73,8 +73,8 @@ class VerdictLimits(Declared):
     """Commanded speed of the tread below which standing is what is wanted"""
     swept_speed: Annotated[float, SPEED] = 0.02
     """Least speed against or aside of the commanded motion that counts as being swept away or sliding"""
-    swept_angle: Annotated[float, ANGLE] = math.radians(30.0)
-    """Least angle between the course and the commanded one that counts as such"""
+    swept_angle: Annotated[float, ANGLE] = math.radians(45.0)
+    """Least angle between the course and the commanded one that counts as such: by default, more aside than ahead"""
     wheel_load: Annotated[float, SHARE] = 0.05
     """Share of the weight on the wheels below which the vehicle is afloat"""
     tilt: Annotated[float, ANGLE] = math.radians(45.0)
@@ -317,9 +317,8 @@ def with_verdict(run: xr.Dataset, verdict: Verdict) -> xr.Dataset:
         "units": "1", "long_name": "condition holds",
         "comment": "; ".join(f"{kind}: {text}" for kind, text in CONDITIONS.items()),
     }  # fmt: skip
-    return run.assign_coords(condition=list(CONDITIONS)).assign(
-        verdict_flag=(("time", "condition"), verdict.flags, about)
-    )
+    names = ("condition", list(CONDITIONS), {"units": "1", "long_name": "what can befall the vehicle, worst first"})
+    return run.assign_coords(condition=names).assign(verdict_flag=(("time", "condition"), verdict.flags, about))
 
 
 def verdict_of(run: xr.Dataset) -> Verdict | None:

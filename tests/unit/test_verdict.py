@@ -36,7 +36,7 @@ CASES = {
     "drives": {},
     "drives backward": {"tread": -1.0, "forward": -0.7},
     "drives in a bend": {"steering": 0.5, "forward": 0.75, "lateral": 0.2},
-    "drives across a current": {"lateral": 0.3, "push": (0.0, 30.0)},
+    "drives across a current": {"lateral": 0.6, "push": (0.0, 30.0)},
     "drives up a steep slope": {"pitch": -0.6, "forward": 0.3, "depth": 0.0},
     "drives under a bow wave": {"load": 0.06},
     "creeps as commanded": {"tread": 0.03, "forward": 0.025},
@@ -46,12 +46,12 @@ CASES = {
     "stuck": {"forward": after(3.0, 0.01, 0.8)},
     "stuck backward": {"tread": -1.0, "forward": after(3.0, -0.01, -0.8)},
     "afloat": {"load": after(3.0, 0.03, 0.6)},
-    "swept away sideways": {"lateral": after(3.0, 0.6, 0.0), "push": (0.0, 50.0)},
+    "swept away sideways": {"lateral": after(3.0, 0.9, 0.0), "push": (0.0, 50.0)},
     "swept away backward": {"forward": after(3.0, -0.2, 0.8), "push": (-60.0, 0.0)},
     "swept away on locked wheels": {"tread": 0.0, "forward": after(3.0, -0.1, 0.0), "push": (-60.0, 0.0)},
-    "slides sideways": {"lateral": after(3.0, -0.6, 0.0), "depth": 0.0},
+    "slides sideways": {"lateral": after(3.0, -0.9, 0.0), "depth": 0.0},
     "slides back": {"forward": after(3.0, -0.2, 0.8), "depth": 0.0},
-    "slides in still water": {"lateral": after(3.0, 0.6, 0.0), "push": (0.0, -5.0)},
+    "slides in still water": {"lateral": after(3.0, 0.9, 0.0), "push": (0.0, -5.0)},
     "sunk": {"sinkage": after(3.0, 0.95, 0.2)},
     "submerged": {"depth": 0.4, "height": after(3.0, 0.17, 0.3)},
     "tipped to the side": {"roll": after(3.0, 0.9, 0.0)},
@@ -94,7 +94,7 @@ def test_sentences_name_what_was_measured():
     ("given", "kind"),
     [
         ({"load": 0.03}, "afloat"), ({"roll": 0.9}, "tipped"), ({"sinkage": 0.95}, "sunk"), ({"forward": 0.0}, "stuck"),
-        ({"lateral": 0.7, "push": (0.0, 9.0)}, "swept away"), ({"depth": 0.4}, "submerged"),
+        ({"lateral": 0.9, "push": (0.0, 9.0)}, "swept away"), ({"depth": 0.4}, "submerged"),
     ],
 )  # fmt: skip
 def test_what_holds_from_the_start_has_its_onset_there(given, kind):
@@ -103,7 +103,7 @@ def test_what_holds_from_the_start_has_its_onset_there(given, kind):
 
 
 TRANSIENTS = {
-    "load": (0.0, 0.6), "roll": (1.0, 0.0), "sinkage": (0.95, 0.2), "forward": (0.0, 0.8), "lateral": (0.7, 0.0),
+    "load": (0.0, 0.6), "roll": (1.0, 0.0), "sinkage": (0.95, 0.2), "forward": (0.0, 0.8), "lateral": (0.9, 0.0),
 }  # fmt: skip
 """Value during the transient, and otherwise."""
 
@@ -209,7 +209,7 @@ def test_coarse_and_fine_records_agree():
 
 def test_packed_runs_are_judged_by_the_wrench_of_the_water():
     """Heading to the left by 90 degrees, water on the hull pushes to its own left: along -x of the world."""
-    run = made_up_run(lateral=0.7, push=(0.0, 50.0))
+    run = made_up_run(lateral=0.9, push=(0.0, 50.0))
     half = math.sqrt(0.5)
     wrench = np.zeros((run.sizes["time"], 5, 6))
     wrench[:, 0, 1] = 50.0
@@ -278,5 +278,5 @@ def test_an_error_without_a_result_says_why_it_did_not_start():
 
 def test_every_variable_and_name_of_a_result_is_described():
     dims = {dim for dimensions, *_ in VARIABLES.values() for dim in dimensions.split()} - {"time"}
-    assert dims == set(COORDINATES)
+    assert dims <= set(COORDINATES)
     assert set(COMMENTS) <= set(VARIABLES)
