@@ -14,6 +14,7 @@ from exumob.simulation.description import RunDescription
 from exumob.simulation.verdict import judge, with_verdict
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.dimensions import with_described_names
 from exumob.support.provenance import parameters_json, provenance
 from exumob.vehicle.motion import BODIES, WHEELS, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.vehicle.parameters import Vehicle
@@ -71,20 +72,6 @@ COMMENTS = {
     "constraint_error": "units along constraint_level: m or rad; m s-1 or rad s-1",
 }
 """Comments on some variables (attribute ``comment``)."""
-COORDINATES = {
-    "body": "hull, and each wheel with its upright",
-    "wheel": "wheel",
-    "front_wheel": "steered wheel",
-    "axis": "world axis: x initial heading, y left, z up",
-    "quaternion_component": "component of a quaternion, scalar first",
-    "component": "force and moment about the body's origin, body axes",
-    "state": "state of paper Eq. 7",
-    "work_kind": "what does the work",
-    "constraint_level": "level on which the constraints are looked at",
-    "range_kind": "range of one input of the networks, or of all together",
-    "frame_component": "place and heading of the grid's frame",
-}
-"""Names along dimensions, with their meaning."""
 
 
 def build_dataset(
@@ -177,10 +164,6 @@ def build_dataset(
     )
     dataset = dataset.assign({f"hydrodynamics_{k}": v for k, v in run.hydrodynamics.record().items()})
     dataset = dataset.merge({f"coupling_{k}": v for k, v in run.coupling.record().items()}, join="outer")
-    named = {name: text for name, text in COORDINATES.items() if name in dataset.coords}
-    dataset = dataset.assign_coords(
-        {name: (name, dataset[name].values, {"units": "1", "long_name": text}) for name, text in named.items()}
-    )
     dataset.attrs = provenance() | {
         "title": f"exumob run of {vehicle.name}",
         "status": status,
@@ -190,7 +173,7 @@ def build_dataset(
         **wall_times,
         **({"cause": cause} if cause else {}),
     }
-    return with_verdict(dataset, judge(dataset, vehicle=vehicle))
+    return with_described_names(with_verdict(dataset, judge(dataset, vehicle=vehicle)))
 
 
 def attributes(name: str) -> dict[str, str]:

@@ -21,6 +21,7 @@ import xarray as xr
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.support.declared import Declared, checked
+from exumob.support.dimensions import DIMENSIONS
 from exumob.support.errors import SimulationError
 from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Vehicle
@@ -236,10 +237,12 @@ def _parameters(run: xr.Dataset) -> dict[str, Any]:
 
 
 def _dimensions(run: xr.Dataset, vehicle: Vehicle | None) -> _Dimensions:
+    if vehicle is not None:
+        return _Dimensions.of(asdict(vehicle))
     stored = _parameters(run).get("vehicle")
-    if vehicle is None and stored is None:
+    if stored is None:
         raise ValueError("judge: the run does not hold its vehicle; give vehicle=...")
-    return _Dimensions.of(next(iter(stored.values())) if vehicle is None else asdict(vehicle))
+    return _Dimensions.of(next(iter(stored.values())))
 
 
 def _judged(run: xr.Dataset, limits: VerdictLimits, size: _Dimensions, depth: float) -> Verdict:
@@ -317,7 +320,7 @@ def with_verdict(run: xr.Dataset, verdict: Verdict) -> xr.Dataset:
         "units": "1", "long_name": "condition holds",
         "comment": "; ".join(f"{kind}: {text}" for kind, text in CONDITIONS.items()),
     }  # fmt: skip
-    names = ("condition", list(CONDITIONS), {"units": "1", "long_name": "what can befall the vehicle, worst first"})
+    names = ("condition", list(CONDITIONS), {"units": "1", "long_name": DIMENSIONS["condition"]})
     return run.assign_coords(condition=names).assign(verdict_flag=(("time", "condition"), verdict.flags, about))
 
 

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 from made_up_runs import made_up_run, scaled_vehicle
 
-from exumob.simulation.results import COMMENTS, COORDINATES, VARIABLES
+from exumob.simulation.results import COMMENTS, VARIABLES
 from exumob.simulation.verdict import (
     CONDITIONS,
     VERDICTS,
@@ -17,6 +17,7 @@ from exumob.simulation.verdict import (
     verdict_of_error,
     with_verdict,
 )
+from exumob.support.dimensions import DIMENSIONS
 from exumob.support.errors import SimulationError
 
 T = 2.0 * math.sqrt(0.714 / 9.81)
@@ -278,5 +279,5 @@ def test_an_error_without_a_result_says_why_it_did_not_start():
 
 def test_every_variable_and_name_of_a_result_is_described():
     dims = {dim for dimensions, *_ in VARIABLES.values() for dim in dimensions.split()} - {"time"}
-    assert dims <= set(COORDINATES)
+    assert dims <= set(DIMENSIONS)
     assert set(COMMENTS) <= set(VARIABLES)
