@@ -14,6 +14,7 @@ from exumob.simulation.over_ground import keel_clearance, outside_terrain
 from exumob.simulation.verdict import judge, with_verdict
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.dimensions import with_described_names
 from exumob.support.provenance import parameters_json, provenance
 from exumob.vehicle.motion import BODIES, WHEELS, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.vehicle.parameters import Vehicle
@@ -73,18 +74,6 @@ COMMENTS = {
     "constraint_error": "units along constraint_level: m or rad; m s-1 or rad s-1",
 }
 """Comments on some variables (attribute ``comment``)."""
-COORDINATES = {
-    "body": "hull, and each wheel with its upright",
-    "wheel": "wheel",
-    "front_wheel": "steered wheel",
-    "axis": "world axis: x initial heading, y left, z up",
-    "quaternion_component": "component of a quaternion, scalar first",
-    "component": "force and moment about the body's origin, body axes",
-    "state": "state of paper Eq. 7",
-    "work_kind": "what does the work",
-    "constraint_level": "level on which the constraints are looked at",
-}
-"""Names along dimensions, with their meaning."""
 
 
 def build_dataset(
@@ -176,8 +165,6 @@ def build_dataset(
             "constraint_level": ["position", "velocity"],
         },
     )
-    for name, text in COORDINATES.items():
-        dataset[name].attrs |= {"units": "1", "long_name": text}
     dataset = dataset.assign({f"hydrodynamics_{k}": v for k, v in run.hydrodynamics.record().items()})
     dataset = dataset.merge({f"coupling_{k}": v for k, v in run.coupling.record().items()}, join="outer")
     dataset.attrs = provenance() | {
@@ -191,7 +178,7 @@ def build_dataset(
         **({"cause": cause} if cause else {}),
         **mesh_provenance(vehicle.hull),
     }
-    return with_verdict(dataset, judge(dataset, vehicle=vehicle))
+    return with_described_names(with_verdict(dataset, judge(dataset, vehicle=vehicle)))
 
 
 def attributes(name: str) -> dict[str, str]:

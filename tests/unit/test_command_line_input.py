@@ -171,7 +171,7 @@ def test_networks_are_asked_for_where_they_act(model, extra, word):
         (("--soil", "mud"), "no soil is called 'mud'"),
         (("--hydrodynamics", "magic"), "hydrodynamics = 'magic' is not known"),
         (("--draws", "0"), "draws = 0"),
-        (("--time", "1000"), "stuck_speed"),
+        (("--time", "0"), "Limits.time = 0.0"),
     ],
 )
 def test_bad_maps_are_refused(tmp_path, options, text):
