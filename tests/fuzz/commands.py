@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from exumob.__main__ import COMMANDS, app
 
-from .outcome import REMEDY, Outcome, Silent, outcome_of
+from .outcome import REMEDY, Outcome, outcome_of
 from .targets import BEFORE_FLOW, BEFORE_RUNS, BEFORE_SWEEPS, Target, in_empty_folder, stops
 
 NUMBERS = [
@@ -137,5 +137,3 @@ def command_targets() -> list[Target]:
     commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
     return [command_target(name) for name in commands]
 
-
-_ = Silent

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from exumob import (
@@ -26,12 +27,16 @@ from exumob import (
     Wishbones,
 )
 from exumob.coupling.explicit import Explicit
+from exumob.coupling.flow_code import BuiltInFlow, FlowCode
 from exumob.coupling.scheme import Coupling
 from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.coupling.strong import Strong
 from exumob.driving.maneuver import Maneuver, smooth_step
+from exumob.flow.grid import Grid
 from exumob.mobility.crossing import Crossing
 from exumob.mobility.map import Axis, MobilityMap
+from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import NetworkSet
 from exumob.sweeps.experiment import Experiment, amphibious_crossing, amphibious_lane_change
 from exumob.sweeps.sampling import Choice, Distribution, LogNormal, Normal, Triangular, Uniform
 from exumob.towing_tank.motion import CaptiveMotion, PrescribedMotion
@@ -81,6 +86,11 @@ def _examples() -> dict[Any, list[tuple[str, Any]]]:
         Experiment: [("lane change", amphibious_lane_change()), ("crossing", amphibious_crossing())],
         Crossing: [("Crossing", Crossing(amphibious_crossing()))],
         Axis: [("Axis", Axis("water.depth_ratio", 0.3, 0.7))],
+        MobilityMap: [("MobilityMap", MobilityMap(Crossing(amphibious_crossing()), draws=1, levels=0))],
+        NetworkSet: [("networks", SurrogateHydrodynamics().networks[0])],
+        SurrogateHydrodynamics: [("SurrogateHydrodynamics", SurrogateHydrodynamics())],
+        FlowCode: [("BuiltInFlow", BuiltInFlow(0.05))],
+        Grid: [("Grid", Grid(*(np.linspace(-1.0, 1.0, 9) for _ in range(3))))],
         xr.Dataset: [("a small Dataset", xr.Dataset({"a": ("x", [1.0, 2.0])}))],
         Path: [("Path('x')", Path("x")), ("Path('none/x')", Path("none/x"))],
     }  # fmt: skip
@@ -88,4 +98,3 @@ def _examples() -> dict[Any, list[tuple[str, Any]]]:
 
 for owner, found in _examples().items():
     EXAMPLES[owner] = [Given(text, lambda thing=thing: thing, "valid") for text, thing in found]
-MAP = MobilityMap

@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import functools
 import io
-import json
-import shutil
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,7 +15,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 import exumob
-from exumob.water.wetted_surface import box_surface, hull_surface
+from exumob.water.wetted_surface import hull_surface
 
 from .examples import VEHICLES
 from .outcome import Outcome, Silent, finite, outcome_of
@@ -333,5 +331,3 @@ def file_targets() -> list[Target]:
         Target("folder of a sweep", damaged_sweeps(), _answer_of_sweep, group="files"),
     ]  # fmt: skip
 
-
-_ = (json, shutil, box_surface)

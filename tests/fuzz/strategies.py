@@ -10,7 +10,7 @@ import math
 import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from numbers import Integral, Real
 from os import PathLike
 from typing import Annotated, Any
@@ -259,9 +259,13 @@ def _of_kind(hint: Any, quantity: Quantity | None = None) -> st.SearchStrategy[G
     owner = origin if isinstance(origin, type) else hint
     if owner in EXAMPLES:
         return st.sampled_from(EXAMPLES[owner])
-    if isinstance(owner, type) and is_dataclass(owner):
+    if isinstance(owner, type) and is_dataclass(owner) and _needs_nothing(owner):
         return st.just(Given(f"{owner.__name__}()", owner, "any"))
     return st.sampled_from(_labelled(hint))
+
+
+def _needs_nothing(owner: type) -> bool:
+    return all(f.default is not MISSING or f.default_factory is not MISSING for f in fields(owner) if f.init)
 
 
 # -- what was accepted -------------------------------------------------------------------------------------------------

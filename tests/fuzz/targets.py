@@ -7,7 +7,6 @@ import copy
 import importlib
 import inspect
 import json
-import math
 import os
 import pickle
 import pkgutil
@@ -15,7 +14,7 @@ import tempfile
 import typing
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -29,7 +28,7 @@ from exumob.support.declared import Declared
 from exumob.support.provenance import parameters_json
 
 from . import examples
-from .odd_values import Given
+from .odd_values import ODD, Given, plain
 from .outcome import Outcome, Reached, Silent, finite, outcome_of
 from .strategies import EXAMPLES, valid_of, values_of, verify_declared
 
@@ -57,14 +56,19 @@ def modules() -> Iterator[ModuleType]:
                 yield importlib.import_module(found.name)
 
 
+NOT_MADE_BY_USERS = ("flow.solids.Solid", "coupling.scheme.Scheme")
+"""Declared classes that the package alone makes"""
+
+
 def declared_classes() -> list[type]:
     """Every public class of the package whose fields are declared."""
     found = {}
     for module in modules():
         for name, owner in vars(module).items():
             if isinstance(owner, type) and is_dataclass(owner) and owner.__module__ == module.__name__:
-                if issubclass(owner, Declared) and not name.startswith("_"):
-                    found[f"{module.__name__}.{name}"] = owner
+                path = f"{module.__name__}.{name}".removeprefix("exumob.")
+                if issubclass(owner, Declared) and not name.startswith("_") and path not in NOT_MADE_BY_USERS:
+                    found[path] = owner
     return [found[name] for name in sorted(found)]
 
 
@@ -113,12 +117,12 @@ def _first_valid(hint: Any) -> Given:
 
 
 @st.composite
-def changes(draw: Any, hints: Mapping[str, Any], always: tuple[str, ...] = ()) -> dict[str, Given]:
+def changes(draw: Any, hints: Mapping[str, Any]) -> dict[str, Given]:
     """Values for one to three of the names."""
     names = draw(st.lists(st.sampled_from(list(hints)), min_size=1, max_size=3, unique=True))
     if draw(st.booleans()):
         names = names[:1]
-    return {name: draw(values_of(hints[name])) for name in dict.fromkeys((*always, *names))}
+    return {name: draw(named_values() if hints[name] is Values else values_of(hints[name])) for name in names}
 
 
 def names_of(given: Mapping[str, Given], all_names: list[str]) -> tuple[list[str], bool]:
@@ -179,6 +183,27 @@ def verify_object(thing: Any) -> None:
 def _finite_if_number(name: str, value: Any) -> None:
     if isinstance(value, int | float) or (isinstance(value, np.ndarray) and value.dtype.kind == "f"):
         finite(name, value)
+
+
+NAMED = {
+    "hull.mass": 40.0, "wheelbase": 0.8, "soil": "LETE sand", "soil.cohesion": 1e3, "soil.n": 0.7, "water.depth": 0.1,
+    "water.depth_ratio": 0.5, "water.current_speed": 1.0, "maneuver": "straight", "maneuver.speed": 5.0, "duration": 1.0,
+    "hydrodynamics": "coefficients", "hydrodynamics.member": 1, "hydrodynamics.hull_surge_drag": 1.0, "setting": "fine",
+    "micro_step": 5e-4, "suspension.stiffness": 4e3, "wheel.diameter": 0.21, "hull": 3, "unknown.name": 1.0, "": 1.0,
+}  # fmt: skip
+"""Names of values of an experiment, and values that fit"""
+
+
+@st.composite
+def named_values(draw: Any) -> Given:
+    """Values by dotted name, as sweeps give them."""
+    names = draw(st.lists(st.sampled_from(list(NAMED)), min_size=1, max_size=3, unique=True))
+    parts = {name: draw(st.one_of(st.just(plain(NAMED[name])), values_of(float), st.sampled_from(ODD))) for name in names}
+    return Given(repr(parts), lambda: {name: part.make() for name, part in parts.items()})
+
+
+class Values:
+    """Stands for values by dotted name."""
 
 
 # -- functions ---------------------------------------------------------------------------------------------------------
@@ -249,7 +274,7 @@ def function_target(
     known = _hints_of(function) | dict(hints or {})
     parameters = inspect.signature(function).parameters
     varied = {
-        n: known.get(n, typing.Any) for n, p in parameters.items()
+        n: typing.Optional[known.get(n, Any)] if p.default is None else known.get(n, Any) for n, p in parameters.items()
         if n not in leave and p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and n != "self"
     }  # fmt: skip
 
@@ -257,6 +282,8 @@ def function_target(
         values = {**{n: copy.copy(v) for n, v in base.items()}, **{n: g.make() for n, g in given.items()}}
         positional = [values.pop(n) for n, p in parameters.items() if p.kind is p.POSITIONAL_ONLY and n in values]
         names, refused = names_of(given, list(parameters))
+        names += [text for g in values.values() if isinstance(g, str | Path) and len(text := str(g)) > 1]
+        names += [name.partition(",")[0]] if len(varied) == 1 else []
         with (in_empty_folder() if files else contextlib.nullcontext()), around():
             return outcome_of(
                 lambda: function(*positional, **values), [*names, *also], refused=refused, verify=verify, clear=clear
@@ -307,9 +334,10 @@ def function_targets() -> list[Target]:
     from exumob.flow.grid import Grid
     from exumob.flow.vehicle_window import vehicle_window
     from exumob.learning.examples import training_runs
-    from exumob.mobility.crossing import judge
+    from exumob.mobility.crossing import Limits, judge_crossing
     from exumob.mobility.map import compute_map
     from exumob.simulation.settings import setting_named
+    from exumob.simulation.verdict import judge
     from exumob.simulation.water_models import hydrodynamics_named
     from exumob.surrogates.model import SurrogateHydrodynamics
     from exumob.sweeps.experiment import maneuver_named
@@ -327,7 +355,7 @@ def function_targets() -> list[Target]:
         "angular_velocity": (0.0, 11.0, 0.0),
     }  # fmt: skip
     cases = [{"water.current_speed": 0.5}, {"water.current_speed": 1.0}]
-    small_map = examples.MAP(EXAMPLES[examples.Crossing][0].make(), draws=1, levels=0)
+    small_map = EXAMPLES[examples.MobilityMap][0].make()
     f = function_target
     return [
         f("simulate, before the run", exumob.simulate, scene, around=BEFORE_RUNS, files=True, weight=4, also=("maneuver",)),
@@ -356,11 +384,11 @@ def function_targets() -> list[Target]:
         f("SurrogateHydrodynamics", SurrogateHydrodynamics, {}, files=True),
         f("CfdHydrodynamics", CfdHydrodynamics, {}),
         f("BuiltInFlow", BuiltInFlow, {}),
-        f("Grid", Grid, {"x": np.linspace(0, 1, 9), "y": np.linspace(0, 1, 9), "z": np.linspace(0, 1, 9)}, also=("cells",)),
+        f("Grid", Grid, dict.fromkeys(("x_faces", "y_faces", "z_faces"), np.linspace(0.0, 1.0, 9))),
         f("vehicle_window", vehicle_window, {"vehicle": vehicle, "cell_size": 0.05, "water": water}),
         f("captive_run, before the flow", captive_run, {"vehicle": vehicle, "water": water, "cell_size": 0.018, "allow_coarse": True},
           around=BEFORE_FLOW, files=True, also=("motion",), weight=2),
-        f("Experiment.check", lambda experiment: experiment.check(), {"experiment": experiment}),
+        f("Experiment.with_values", experiment.with_values, {"values": {}}, also=tuple(NAMED), hints={"values": Values}, verify=lambda e: verify_object(e.vehicle)),
         f("sweep, before the runs", sweep, {"function": experiment, "cases": cases, "folder": "sweep"}, around=BEFORE_SWEEPS,
           files=True, weight=2, hints={"cases": typing.Any}),
         f("sweep of a function, before the runs", sweep, {"function": _numbers, "cases": cases, "folder": "sweep"},
@@ -371,7 +399,8 @@ def function_targets() -> list[Target]:
           {"experiment": experiment, "ranges": {"soil.cohesion": (1e3, 2e3)}, "objective": _objective, "folder": "tuning"},
           around=BEFORE_TUNING, files=True),
         f("compute_map, before the runs", compute_map, {"wanted": small_map, "folder": "map"}, around=BEFORE_SWEEPS, files=True),
-        f("judge", judge, {"run": EXAMPLES[examples.xr.Dataset][0].make(), "limits": exumob_limits()}),
+        f("judge", judge, {"run": EXAMPLES[examples.xr.Dataset][0].make()}),
+        f("judge_crossing", judge_crossing, {"run": EXAMPLES[examples.xr.Dataset][0].make(), "limits": Limits()}),
         f("from_options", from_options,
           {"vehicle": None, "settings": [], "varied": ["water.current_speed=0,1"], "number": 4, "seed": 0},
           also=("--vary", "--set", "--samples", "--seed", "--vehicle", "vary", "set"), files=True),
@@ -380,17 +409,8 @@ def function_targets() -> list[Target]:
     ]  # fmt: skip
 
 
-def exumob_limits() -> Any:
-    """Limits of a crossing."""
-    from exumob.mobility.crossing import Limits
-
-    return Limits()
-
-
 def _verify_recorded(recorded: exumob.Recorded) -> None:
     for time in TIMES:
         finite(f"Recorded.steering({time})", recorded.steering(time))
         finite(f"Recorded.wheel_speed({time})", recorded.wheel_speed(time))
 
-
-_ = (math, field)
