@@ -244,7 +244,7 @@ def _read(file: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         if "is not one of exumob" in str(error):
             raise
         raise _damaged(file, error) from error
-    except (OSError, EOFError, KeyError, TypeError, StopIteration, IndexError, AttributeError, NotImplementedError, struct.error,
+    except (OSError, EOFError, KeyError, TypeError, IndexError, AttributeError, NotImplementedError, struct.error,
             zipfile.BadZipFile, zlib.error, RecursionError, MemoryError, RuntimeError) as error:  # fmt: skip
         raise _damaged(file, error) from error
     return head, tree
