@@ -17,6 +17,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.coupling.flow_code import CELL_SIZE, BuiltInFlow, FlowCode
+from exumob.coupling.reports import checked_loads, checked_report
 from exumob.coupling.spin_up import FlowSpinUp, poses_between, poses_during_ramp
 from exumob.flow.cost import FlowCost
 from exumob.flow.poses import Poses
@@ -173,9 +174,9 @@ class CfdHydrodynamics:
 
     def _advance_held(self, time: float, poses: Poses) -> None:
         """Advance the flow with the held vehicle to a time [s], and save its state if that is due."""
-        wrenches = self.flow.advance(time, poses)
+        wrenches = self._advanced(time, poses)
         self._spin_up_times.append(time)
-        self._spin_up_wrenches.append(np.array(wrenches))
+        self._spin_up_wrenches.append(wrenches)
         self._poses = poses
         self._progress(time)
         if time - self._last_save >= SAVE_INTERVAL - 1e-9:
@@ -206,11 +207,17 @@ class CfdHydrodynamics:
             )  # fmt: skip
         ahead = predict()
         poses = Poses.from_states(ahead)
-        wrenches = self.flow.advance(float(ahead.time[-1]), poses)
+        wrenches = self._advanced(float(ahead.time[-1]), poses)
+        names = sorted(self._reports[-1]) if self._reports else None
+        report = checked_report(type(self.flow).__name__, self.flow.report(), names)
         self._poses = poses
         self._times.append(float(history.time[-1]))
-        self._reports.append(self.flow.report())
+        self._reports.append(report)
         return wrenches
+
+    def _advanced(self, time: float, poses: Poses) -> Array:
+        """Advance the flow to a time [s]; return its loads, checked."""
+        return checked_loads(type(self.flow).__name__, self.flow.advance(time, poses), len(poses.position), time)
 
     def save(self, histories: bool = True) -> dict[str, Any]:
         """Return the state of the flow and the length of the record, or the record itself; see `Hydrodynamics`."""
