@@ -35,8 +35,6 @@ import time as clock
 from dataclasses import fields
 from typing import Annotated, Any
 
-import numpy as np
-
 from exumob.coupling.reports import checked_loads, checked_report
 from exumob.flow.poses import Poses
 from exumob.support.arrays import Array

@@ -19,9 +19,11 @@ from scipy.spatial.transform import Rotation
 
 from exumob.simulation.result_files import load_dataset
 from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
+from exumob.support.quantities import shown
 from exumob.support.smoothing import WINDOW, smoothed, window_samples
 from exumob.surrogates.networks import Architecture
-from exumob.vehicle.motion import HISTORY_STEP, BodyStates
+from exumob.vehicle.motion import BODIES, HISTORY_STEP, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
@@ -45,6 +47,10 @@ NEEDED = (
     "water_wrench", "water_wrench_smooth",
 )  # fmt: skip
 """Variables that a run to learn from must have."""
+LARGEST_LOAD = 10.0
+"""Largest force of the water over density (g L + v^2) L^2, L the distance of the wheels [-]; chosen by us."""
+LONGEST_LEVER = 3.0
+"""Largest moment of the water about a body over the largest force, over L [-]; chosen by us."""
 JUMP = 10.0
 """Limit beyond which raw loads count as a jump, see `usable` [-]."""
 JUMP_REACH = 20
@@ -102,7 +108,8 @@ def load_runs(files: Iterable[str | Path]) -> dict[str, xr.Dataset]:
     Raises
     ------
     ValueError
-        If a file is not a run to learn from, is not sampled every millisecond, or repeats a scenario.
+        If a file is not a run to learn from, is not sampled every millisecond, or repeats a scenario; if motion or
+        loads are not finite, or the loads are beyond all that water can exert.
     """
     runs = {}
     for file in files:
@@ -113,17 +120,61 @@ def load_runs(files: Iterable[str | Path]) -> dict[str, xr.Dataset]:
                 f"{file} is not a run to learn from ({', '.join(missing) or 'parameters'} missing); "
                 "`exumob.learning.dataset.pack` and `exumob.learning.importing` make such files."
             )
+        _check_variables(run, str(file))
         _check_sampling(run["time"].values, str(file))
-        gaps = [name for name in NEEDED if run[name].dtype.kind == "f" and not np.isfinite(run[name].values).all()]
-        if gaps:
-            raise ValueError(
-                f"{file}: {', '.join(gaps)} is not finite everywhere; leave this run out, or make it again."
-            )
+        check_loads(body_states(run), run["water_wrench"].values, water_of(run), str(file))
         name = str(run.attrs.get("scenario", Path(file).stem))
         if name in runs:
             raise ValueError(f"{file}: there is another run of {name} in the folder; keep one of them.")
         runs[name] = run
     return runs
+
+
+def _check_variables(run: xr.Dataset, name: str) -> None:
+    """Refuse a run whose motion or loads are no finite numbers of the five bodies."""
+    bodies, samples = len(BODIES), run["time"].size
+    widths = {"quaternion": 4, "water_wrench": 6, "water_wrench_smooth": 6}
+    for variable in NEEDED:
+        values, wanted = run[variable].values, (samples, bodies, widths.get(variable, 3))
+        if variable == "time":
+            wanted = (samples,)
+        if values.dtype.kind not in "fiu" or values.shape != wanted:
+            raise ValueError(
+                f"{name}: {variable} holds {values.dtype.name} of shape {values.shape}; a run to learn from holds "
+                f"numbers of shape {wanted}. Leave it out, or make it again."
+            )
+        if not np.isfinite(values).all():
+            n = int((~np.isfinite(values)).sum())
+            raise ValueError(
+                f"{name}: {n} of {values.size} values of {variable} are not finite; leave this run out, or make it "
+                "again."
+            )
+    if np.abs(np.linalg.norm(run["quaternion"].values, axis=-1) - 1.0).max() > 1e-2:
+        raise ValueError(f"{name}: quaternion is not of length 1 everywhere; leave this run out, or make it again.")
+
+
+def check_loads(states: BodyStates, wrench: Array, water: Water, name: str) -> None:
+    """Refuse loads far beyond what water can exert on a vehicle of this size and speed; see `LARGEST_LOAD`.
+
+    Raises
+    ------
+    ValueError
+        If a force or a moment is larger.
+    """
+    size = float(np.linalg.norm(np.ptp(states.position[0, 1:], axis=0)))  # from wheel to wheel
+    speed = float(np.linalg.norm(states.velocity[:, 0], axis=-1).max()) + water.current_speed
+    most = LARGEST_LOAD * water.density * (GRAVITY * size + speed**2) * size**2
+    force, moment = (float(np.abs(part).max()) for part in (wrench[..., :3], wrench[..., 3:]))
+    if force > most:
+        raise ValueError(
+            f"{name}: forces reach {force:.3g} N, beyond {most:.3g} N, {LARGEST_LOAD:g} density (g L + v^2) L^2 with "
+            f"L = {size:.3g} m between the wheels and v = {speed:.3g} m/s; look at the unit of the forces."
+        )
+    if moment > LONGEST_LEVER * size * force:
+        raise ValueError(
+            f"{name}: moments reach {moment:.3g} N m and forces {force:.3g} N, a lever of more than "
+            f"{LONGEST_LEVER:g} times the {size:.3g} m between the wheels; look at the units of both."
+        )
 
 
 def _check_sampling(time: np.ndarray, name: str = "the run") -> None:
@@ -154,12 +205,18 @@ def water_of(run: xr.Dataset) -> Water:
     Raises
     ------
     ValueError
-        If it was made without water.
+        If it was made without water, or does not say in which.
     """
-    stored = json.loads(run.attrs["parameters"])["water"]
-    if stored is None:
-        raise ValueError(f"{run.attrs.get('scenario', 'the run')}: made without water; there is nothing to learn.")
-    return Water(**next(iter(stored.values())))
+    name = run.attrs.get("scenario", "the run")
+    try:
+        stored = json.loads(run.attrs["parameters"])["water"]
+        if stored is not None:
+            return Water(**next(iter(stored.values())))
+    except (KeyError, TypeError, AttributeError, StopIteration, ValueError, RecursionError) as error:
+        raise ValueError(
+            f"{name}: its attribute `parameters` does not hold the water ({shown(str(error))}); make the run again."
+        ) from None
+    raise ValueError(f"{name}: made without water; there is nothing to learn.")
 
 
 def windows(inputs: NDArray[Any], rows: NDArray[np.intp], architecture: Architecture) -> NDArray[Any]:

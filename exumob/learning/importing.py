@@ -16,21 +16,23 @@ from __future__ import annotations
 import csv
 import math
 import re
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from exumob.learning.dataset import SAMPLING
+from exumob.learning.dataset import SAMPLING, check_loads
 from exumob.simulation.results import VARIABLES
 from exumob.support.arrays import Array
-from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.support.dimensions import with_described_names
 from exumob.support.provenance import parameters_json, provenance
+from exumob.support.quantities import Quantity
 from exumob.support.smoothing import smoothed
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.water.conditions import Water
@@ -55,14 +57,19 @@ UNITS = {
     "none": {"": 1.0, "1": 1.0, "-": 1.0},
 }
 """Known units of each kind, with their factors to SI."""
-LARGEST_LOAD = 10.0
-"""Largest force of the water over density (g L + v^2) L^2, L the distance of the wheels [-]; chosen by us."""
+SIZES = 0.05, 50.0
+"""Distances of the wheels, from corner to corner, that vehicles have [m]; chosen by us."""
+FASTEST = 100.0
+"""Highest speed of a vehicle in water [m/s]; chosen by us."""
+FINEST_PLACE = 1e-5
+"""Coarsest step of the numbers that hold positions [m]; the motion of a millisecond is a millimetre."""
 COARSEST = 0.01
 """Longest interval between samples that still resolves the water's loads [s]."""
 SPEED_TOLERANCE = 0.05
 """Largest difference of given speeds from those of the positions, rms over rms [-]."""
 
 
+@checked
 def import_histories(
     file: str | Path,
     water: Water,
@@ -71,7 +78,7 @@ def import_histories(
     units: Mapping[str, str] | None = None,
     up: Literal["z", "-z"] = "z",
     load_axes: Literal["body", "world"] = "body",
-    bed: float = 0.0,
+    bed: Annotated[float, Quantity("m", at_least=-1e5, at_most=1e5)] = 0.0,
     scenario: str | None = None,
 ) -> xr.Dataset:
     """Read time histories of another program as a run to learn from, with a sample every millisecond.
@@ -106,10 +113,6 @@ def import_histories(
         If columns are missing, units unknown or not given, samples uneven, too far apart or not finite, or if motion
         and loads contradict the axes given for them.
     """
-    if up not in ("z", "-z"):
-        raise ValueError(f"import_histories.up = {up!r} is not known; use 'z' or '-z'.")
-    if load_axes not in ("body", "world"):
-        raise ValueError(f"import_histories.load_axes = {load_axes!r} is not known; use 'body' or 'world'.")
     path = Path(file)
     columns = _Columns(path, dict(names or {}), dict(units or {}))
     time = columns.of("time")
@@ -136,9 +139,18 @@ def import_histories(
         _check_speeds(time - time[0], given, states, path)
     wrench = np.stack([_line(time - time[0], loads[:, b], states.time) for b in range(5)], axis=1)
     _check_motion(states, path)
-    _check_loads(states, wrench, water, path)
+    check_loads(states, wrench, water, str(path))
     _check_lift(states, wrench, path)
     return _dataset(states, wrench, water, path, scenario or path.stem)
+
+
+class _Column(NamedTuple):
+    """A column of a file as it stands there."""
+
+    values: Array
+    unit: str | None
+    step: float
+    """Smallest difference that its kind of number holds; 0 if it does not matter"""
 
 
 class _Columns:
@@ -163,7 +175,7 @@ class _Columns:
                 f"{self.path} has no column {column!r} for {name}; it has {', '.join(list(self.values)[:12])} ... "
                 "Map other names with names={...}."
             )
-        values, unit = self.values[column]
+        values, unit, step = self.values[column]
         quantity = name.rsplit("_", 1)[-1]
         kind = next(kind for kind, members in KINDS.items() if quantity in members)
         unit = self.units.get(kind) if unit is None else unit
@@ -177,31 +189,55 @@ class _Columns:
         if not np.isfinite(values).all():
             bad = int(np.flatnonzero(~np.isfinite(values))[0])
             raise ValueError(f"{self.path}: column {column!r} is not a number in row {bad}; fill or cut the gap.")
-        return values * UNITS[kind][unit or ""]
+        factor = UNITS[kind][unit or ""]
+        if kind == "length" and step * factor > FINEST_PLACE:
+            raise ValueError(
+                f"{self.path}: column {column!r} holds places in steps of {1e3 * step * factor:.2g} mm, too coarse for "
+                "speeds; write double precision, or count from a place near the vehicle."
+            )
+        return values * factor
 
 
-def _read_csv(path: Path) -> dict[str, tuple[Array, str | None]]:
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        headers = next(csv.reader(stream, skipinitialspace=True))
-        rows = np.genfromtxt(stream, delimiter=",", ndmin=2)
-    if rows.shape[1] != len(headers):
-        raise ValueError(f"{path}: {len(headers)} names head {rows.shape[1]} columns; separate them by commas.")
-    found: dict[str, tuple[Array, str | None]] = {}
+def _read_csv(path: Path) -> dict[str, _Column]:
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            headers = next(csv.reader(stream, skipinitialspace=True), [])
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of an empty file, which is refused below
+                rows = np.genfromtxt(stream, delimiter=",", ndmin=2)
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is not UTF-8 ({error.reason} at byte {error.start}); save it as CSV UTF-8.") from None
+    except (ValueError, csv.Error) as error:
+        text = "; ".join(line.strip() for line in str(error).splitlines()[:3])
+        raise ValueError(
+            f"{path} is no table ({text}); write one row of names, then rows of as many numbers."
+        ) from None
+    if rows.size == 0 or rows.shape[1] != len(headers):
+        columns = rows.shape[1] if rows.size else 0
+        raise ValueError(f"{path}: {len(headers)} names head {columns} columns; separate them by commas.")
+    found: dict[str, _Column] = {}
     for header, values in zip(headers, rows.T, strict=True):
         match = re.fullmatch(r"(.*?)\s*\[(.*)\]\s*", header)
         name, unit = (match[1], match[2].strip()) if match else (header.strip(), None)
-        found[name] = (values, unit)
+        if name in found:
+            raise ValueError(f"{path}: two columns are called {name!r}; rename or drop one.")
+        found[name] = _Column(values, unit, 0.0)
     return found
 
 
-def _read_netcdf(path: Path) -> dict[str, tuple[Array, str | None]]:
+def _read_netcdf(path: Path) -> dict[str, _Column]:
     try:
         with xr.open_dataset(path, decode_times=False) as data:
-            return {
-                str(name): (np.asarray(v.values, float), v.attrs.get("units"))
-                for name, v in data.variables.items()
-                if v.ndim == 1 and v.dtype.kind in "fiu"
-            }
+            found = {}
+            for name, variable in data.variables.items():
+                if variable.ndim != 1 or variable.dtype.kind not in "fiu":
+                    continue
+                largest = np.abs(variable.values).max(initial=0)
+                step = float(np.spacing(largest)) if variable.dtype.kind == "f" and np.isfinite(largest) else 0.0
+                unit = variable.attrs.get("units")
+                values = np.asarray(variable.values, float)
+                found[str(name)] = _Column(values, None if unit is None else str(unit), step)
+            return found
     except MemoryError:
         raise
     except Exception as error:  # each library raises its own
@@ -240,6 +276,12 @@ def _check_time(time: Array, path: Path) -> None:
 
 def _check_places(position: Array, rotation: Array, path: Path) -> None:
     """Raise ValueError unless the wheels stay at the four corners of the hull, seen from it."""
+    size = float(np.linalg.norm(np.ptp(position[0, 1:], axis=0)))
+    if not SIZES[0] <= size <= SIZES[1]:
+        raise ValueError(
+            f"{path}: the wheels lie {size:.3g} m apart from corner to corner, and may lie {SIZES[0]:g} to "
+            f"{SIZES[1]:g} m; look at the unit of the positions."
+        )
     seen = np.einsum("nij,nbi->nbj", rotation[:, 0], position[:, 1:] - position[:, :1])
     for wheel, name in enumerate(BODIES[1:]):
         x, y = seen[:, wheel, 0], seen[:, wheel, 1]
@@ -277,18 +319,11 @@ def _check_motion(states: BodyStates, path: Path) -> None:
             f"{path}: the hull moves by {1e3 * way:.2g} mm and turns by {turned:.2g} in {np.ptp(states.time):.3g} s; "
             "give a run in which the vehicle drives. Look at the unit and the names of the positions."
         )
-
-
-def _check_loads(states: BodyStates, wrench: Array, water: Water, path: Path) -> None:
-    """Refuse forces far beyond what water can exert on a vehicle of this size at this speed."""
-    size = float(np.linalg.norm(np.ptp(states.position[0, 1:], axis=0)))  # from wheel to wheel
-    speed = float(np.linalg.norm(states.velocity[:, 0], axis=-1).max()) + water.current_speed
-    most = LARGEST_LOAD * water.density * (GRAVITY * size + speed**2) * size**2
-    largest = float(np.abs(wrench[..., :3]).max())
-    if largest > most:
+    speed = float(np.linalg.norm(states.velocity[:, 0], axis=-1).max())
+    if speed > FASTEST:
         raise ValueError(
-            f"{path}: forces reach {largest:.3g} N, beyond {most:.3g} N, {LARGEST_LOAD:g} density (g L + v^2) L^2 "
-            f"with L = {size:.3g} m between the wheels and v = {speed:.3g} m/s; look at the unit of the forces."
+            f"{path}: the hull moves at up to {speed:.3g} m/s, beyond {FASTEST:g} m/s; look at the units of time and "
+            "positions, and for jumps."
         )
 
 
@@ -309,7 +344,8 @@ def _resampled(time: Array, position: Array, rotation: Array) -> BodyStates:
     """Motion every millisecond and its rates: cubic splines of the positions, arcs between the attitudes."""
     wanted = SAMPLING * np.arange(math.floor(time[-1] / SAMPLING + 1e-6) + 1)
     inside = np.clip(wanted, time[0], time[-1])
-    spline = CubicSpline(time, position)
+    origin = position[0, 0]  # counted from there, places far from 0 lose no digits
+    spline = CubicSpline(time, position - origin)
     turned = np.stack(
         [Slerp(time, Rotation.from_matrix(rotation[:, b]))(inside).as_matrix() for b in range(5)], axis=1
     )  # fmt: skip
@@ -319,7 +355,8 @@ def _resampled(time: Array, position: Array, rotation: Array) -> BodyStates:
     rates = arcs / (wanted[after] - wanted[before])[:, None, None]
     rates = smoothed(rates, SAMPLING, 2.0 * float(time[1] - time[0]))
     return BodyStates(
-        time=wanted, position=spline(inside), rotation=turned, velocity=spline(inside, 1), angular_velocity=rates,
+        time=wanted, position=spline(inside) + origin, rotation=turned,
+        velocity=spline(inside, 1), angular_velocity=rates,
         acceleration=spline(inside, 2), angular_acceleration=np.asarray(np.gradient(rates, SAMPLING, axis=0)),
         wheel_speed=np.full((len(wanted), 4), np.nan),
     )  # fmt: skip

@@ -222,3 +222,94 @@ def test_no_unit_is_guessed(run, tmp_path):
         import_histories(file, WATER)
     with pytest.raises(ValueError, match="unit 'lb' of"):
         import_histories(file, WATER, units={"force": "lb"})
+
+
+def scaled(kind, factor):
+    """Values in another unit than the file says."""
+
+    def change(columns):
+        for name in columns:
+            if name.rsplit("_", 1)[-1] in kind:
+                columns[name] = columns[name] * factor
+
+    return change
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    (scaled(("Fx", "Fy", "Fz"), 1e30), "forces reach .*look at the unit of the forces"),
+    (scaled(("Fx", "Fy", "Fz"), 1e3), "forces reach .*look at the unit of the forces"),
+    (scaled(("Mx", "My", "Mz"), 1e3), "moments reach .*look at the units of both"),
+    (scaled(("Fx", "Fy", "Fz"), 1e-3), "moments reach .*look at the units of both"),
+    (scaled(("x", "y", "z"), 1e3), "wheels lie .*look at the unit of the positions"),
+    (scaled(("x", "y", "z"), 1e-3), "wheels lie .*look at the unit of the positions"),
+    (scaled(("time",), 1e-3), "hull moves at up to .* look at the units of time"),
+    (lambda c: c.update({n: np.full(len(v), v[0]) for n, v in c.items() if n != "time"}), "the hull moves by 0 mm"),
+])  # fmt: skip
+def test_other_units_than_the_file_says_are_refused(run, tmp_path, change, message):
+    columns = columns_of(run, speeds=False)
+    change(columns)
+    file = write_csv(tmp_path / "theirs.csv", columns, SI)
+    with pytest.raises(ValueError, match=message) as raised:
+        import_histories(file, WATER)
+    assert "theirs.csv" in str(raised.value)
+
+
+@pytest.mark.parametrize("content", [
+    b"", b"\n", b"time [s]\n", b"time [s],hull_x [m]\n1,2\n1,2,3\n", "zeit [s], h\xf6he [m]\n1,2\n".encode("latin-1"),
+    b"\x00" * 100, b"time [s],time [s]\n1,2\n", b"time [s]\na\nb\n", b"\xff\xfe" + "time [s]\n1\n".encode("utf-16-le"),
+])  # fmt: skip
+def test_tables_that_are_none_are_named(tmp_path, content):
+    file = tmp_path / "theirs.csv"
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match=r"theirs\.csv"):
+        import_histories(file, WATER)
+
+
+@pytest.mark.parametrize("cut", [0.0, 0.3, 0.9])
+def test_a_damaged_netcdf_is_named(run, tmp_path, cut):
+    file = tmp_path / "theirs.nc"
+    xr.Dataset({name: ("n", v) for name, v in columns_of(run).items()}).to_netcdf(file, engine="h5netcdf")
+    data = file.read_bytes()
+    file.write_bytes(data[: int(cut * len(data))])
+    with pytest.raises(ValueError, match=r"theirs\.nc cannot be read as netCDF .*give netCDF"):
+        import_histories(file, WATER, units=SI)
+
+
+PLACE = np.array([5.4e6, 5.1e6, 0.0])
+
+
+def test_map_coordinates_keep_their_digits(run, tmp_path):
+    """Places in metres of a map, imported or packed, come back from a file to a micrometre."""
+    there = run.assign(position=run["position"] + PLACE)
+    found = import_histories(write_csv(tmp_path / "theirs.csv", columns_of(there), SI), WATER)
+    packed = pack(there)
+    for n, made in enumerate((found, packed.assign_attrs(scenario="there"))):
+        save_dataset(made, tmp_path / f"{n}.nc")
+        (back,) = load_runs([tmp_path / f"{n}.nc"]).values()
+        assert np.abs(back["position"].values - there["position"].values).max() < 1e-6
+    assert_same_run(found.assign(position=found["position"] - PLACE), run)
+    columns = {name: ("n", v.astype(np.float32)) for name, v in columns_of(there).items()}
+    xr.Dataset(columns).to_netcdf(tmp_path / "theirs.nc", engine="h5netcdf")
+    with pytest.raises(ValueError, match="'hull_x' holds places in steps of 5e\\+02 mm, too coarse"):
+        import_histories(tmp_path / "theirs.nc", WATER, units=SI)
+
+
+def spoilt(**values):
+    return lambda run: run.assign({n: run[n].astype(float).where(False, v) for n, v in values.items()})
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    (spoilt(position=np.nan), "values of position are not finite"),
+    (spoilt(velocity=np.inf), "values of velocity are not finite"), (spoilt(quaternion=0.0), "quaternion is not of"),
+    (spoilt(water_wrench=1e30), "forces reach 1e\\+30 N"), (lambda r: r.isel(body=slice(4)), r"shape \(2501, 4, 3\)"),
+    (lambda r: r.assign(velocity=r["velocity"].astype(str)), "velocity holds str"),
+    (lambda r: r.drop_vars("position"), "position missing"),
+    (lambda r: r.assign_attrs(parameters="{"), "does not hold the water"),
+    (lambda r: r.assign_attrs(parameters="[]"), "does not hold the water"),
+    (lambda r: r.assign_attrs(parameters='{"water": {"Water": {"depth": -1}}}'), "Water.depth"),
+    (lambda r: r.assign_attrs(parameters='{"water": null}'), "without water"),
+])  # fmt: skip
+def test_runs_to_learn_from_that_are_spoilt(run, tmp_path, change, message):
+    save_dataset(change(pack(run)), tmp_path / "run.nc")
+    with pytest.raises(ValueError, match=message):
+        load_runs([tmp_path / "run.nc"])

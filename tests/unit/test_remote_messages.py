@@ -65,7 +65,8 @@ LARGE_LOADS = [[0.0] * 6] * 4 + [[0.0] * 5 + [10**400]]
 
 @pytest.mark.parametrize(("loads", "message"), [
     (None, "loads holds NoneType"), ("much", "loads"), (LOADS[:4], r"shape \(4, 6\); give .*\(5, 6\)"),
-    (LOADS + LOADS[:1], r"shape \(6, 6\)"), ([row[:5] for row in LOADS], r"shape \(5, 5\)"), ([*LOADS[:4], [0.0]], "loads"),
+    (LOADS + LOADS[:1], r"shape \(6, 6\)"), ([row[:5] for row in LOADS], r"shape \(5, 5\)"),
+    ([*LOADS[:4], [0.0]], "loads"),
     ([*LOADS[:4], "abcdef"], "loads"), ([*LOADS[:4], ["1"] * 6], "loads"), ([*LOADS[:4], [None] * 6], "loads"),
     ([*LOADS[:4], [True] * 6], "loads"), ([*LOADS[:4], [math.nan] * 6], "6 of 30 loads are not finite"),
     ([*LOADS[:4], [math.inf] * 6], "not finite"), (LARGE_LOADS, "loads"), ({}, "loads"), ([], "loads"), (3, "loads"),
@@ -119,7 +120,8 @@ NESTED = 100_000
 
 
 @pytest.mark.parametrize(("answer", "message"), [
-    (b"{'loads': []}", "is not JSON"), (b"", "is not JSON"), (b"\xff\xfe\x00", "is not JSON"), (b"[]", "one JSON object"),
+    (b"{'loads': []}", "is not JSON"), (b"", "is not JSON"), (b"\xff\xfe\x00", "is not JSON"),
+    (b"[]", "one JSON object"),
     (b"3", "one JSON object"), (b"null", "one JSON object"), (b'"text"', "one JSON object"), (b"{}{}", "is not JSON"),
     (b"[" * NESTED, f"nested deeper than {DEEPEST}"), (b'{"a":' * NESTED, "nested"),
     (b'{"a":' + b"[" * NESTED + b"]" * NESTED + b"}", "nested"), (b'{"loads": ' + b"9" * 5000 + b"}", "is not JSON"),
