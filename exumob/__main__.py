@@ -6,7 +6,6 @@ from importlib import metadata
 from typing import Annotated
 
 import typer
-from rich.logging import RichHandler
 
 from exumob.commands.captive import captive_command
 from exumob.commands.export import export_command
@@ -16,6 +15,7 @@ from exumob.commands.options import PanelCommand
 from exumob.commands.shared import console, errors
 from exumob.commands.soils import soils_command
 from exumob.commands.sweep import sweep_command
+from exumob.commands.terminal import log_handler
 from exumob.commands.train import train_command
 from exumob.commands.verify import verify_command
 
@@ -40,8 +40,7 @@ def main(
     ] = False,
 ) -> None:
     """Predict how an off-road vehicle moves through shallow water on soft soil."""
-    handler = RichHandler(console=errors, show_time=False, show_path=False)
-    logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
+    logging.basicConfig(level=logging.WARNING, handlers=[log_handler(errors)])
     logging.getLogger("exumob.support.cost").setLevel(logging.INFO)  # what a run will take
 
 

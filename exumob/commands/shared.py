@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskID, TimeRemainingColumn
+
+from exumob.commands.terminal import PlainColumn, PlainConsole
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,10 +20,10 @@ if TYPE_CHECKING:
 
     from exumob.vehicle.parameters import Vehicle
 
-console = Console(markup=False, highlight=False)
+console = PlainConsole()
 WRITTEN = (".nc", ".png", ".pdf", ".svg", ".gif", ".mp4", ".csv", ".md", ".onnx")
 """Endings of the files that commands write; a file with another one is never replaced."""
-errors = Console(stderr=True, markup=False, highlight=False)
+errors = PlainConsole(stderr=True)
 
 
 @contextmanager
@@ -31,7 +32,7 @@ def simulated_time_bar(
 ) -> Iterator[Callable[[float], None]]:
     """Bar with the time remaining; yields what takes the simulated time reached [s], from -lead on."""
     with Progress(
-        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[now]:.2f} of {task.fields[end]:g} s"),
+        PlainColumn("{task.description}"), BarColumn(), PlainColumn("{task.fields[now]:.2f} of {task.fields[end]:g} s"),
         TimeRemainingColumn(), console=errors, transient=True,
     ) as bar:  # fmt: skip
         task = bar.add_task(before, total=duration + lead, now=0.0 - lead, end=duration)
@@ -48,7 +49,7 @@ def simulated_time_bar(
 def counting_bar(description: str, total: int, unit: str) -> Iterator[tuple[Progress, TaskID]]:
     """Bar that counts what is finished, with the time remaining."""
     with Progress(
-        TextColumn("{task.description}"), BarColumn(), TextColumn(f"{{task.completed}} of {{task.total}} {unit}"),
+        PlainColumn("{task.description}"), BarColumn(), PlainColumn(f"{{task.completed}} of {{task.total}} {unit}"),
         TimeRemainingColumn(), console=errors, transient=True,
     ) as bar:  # fmt: skip
         yield bar, bar.add_task(description, total=total)

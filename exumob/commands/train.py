@@ -60,7 +60,7 @@ def train_command(
             files = train(
                 [PRESETS[n] for n in wanted], runs, car, output, seeds=range(seeds), jobs=jobs, progress=progress
             )
-        except (ValueError, RuntimeError) as error:
+        except (ValueError, RuntimeError, OSError) as error:
             fail(error)
         except KeyboardInterrupt:
             errors.print(f"Stopped; the same command goes on with {output}.", soft_wrap=True)

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich import box
-from rich.logging import RichHandler
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
 from exumob.commands.options import option_names
 from exumob.commands.shared import check_targets, console, errors, fail
+from exumob.commands.terminal import PlainColumn, log_handler
 from exumob.support.cost import spelled_time
 from exumob.support.quantities import DURATION, Quantity
 
@@ -157,7 +157,7 @@ def with_progress(chosen: Sequence[Case], expected: Mapping[str, float]) -> Iter
     """Yield the cases under a bar with the time left, by the minutes expected; what long runs log is shown above."""
     total = sum(expected.values())
     with Progress(
-        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[left]}"),
+        PlainColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), PlainColumn("{task.fields[left]}"),
         console=errors, transient=True,
     ) as bar, logged_to_terminal():  # fmt: skip
         begin, done = time.monotonic(), 0.0
@@ -173,7 +173,7 @@ def with_progress(chosen: Sequence[Case], expected: Mapping[str, float]) -> Iter
 @contextmanager
 def logged_to_terminal() -> Iterator[None]:
     """Show how far the runs of the vehicle have got."""
-    logger, handler = logging.getLogger("exumob.verification"), RichHandler(console=errors, show_path=False)
+    logger, handler = logging.getLogger("exumob.verification"), log_handler(errors, show_time=True)
     level = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)

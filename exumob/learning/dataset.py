@@ -135,9 +135,8 @@ def _check_variables(run: xr.Dataset, name: str) -> None:
     bodies, samples = len(BODIES), run["time"].size
     widths = {"quaternion": 4, "water_wrench": 6, "water_wrench_smooth": 6}
     for variable in NEEDED:
-        values, wanted = run[variable].values, (samples, bodies, widths.get(variable, 3))
-        if variable == "time":
-            wanted = (samples,)
+        values = run[variable].values
+        wanted = (samples,) if variable == "time" else (samples, bodies, widths.get(variable, 3))
         if values.dtype.kind not in "fiu" or values.shape != wanted:
             raise ValueError(
                 f"{name}: {variable} holds {values.dtype.name} of shape {values.shape}; a run to learn from holds "

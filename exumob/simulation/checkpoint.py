@@ -145,8 +145,8 @@ class Checkpoints:
         return self._step
 
     def keep_spin_up(self, saved: Any) -> None:
-        """Write the state of the water before the release."""
-        write(self.file, -1, {"spin_up": saved}, self.fingerprint, self._elapsed())
+        """Write the state of the water before the release, or warn that it cannot be written."""
+        self._try_to_write(-1, {"spin_up": saved})
 
     def before_step(
         self, step: int, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling
@@ -184,6 +184,11 @@ class Checkpoints:
             "hydrodynamics": hydrodynamics.save(),
             "coupling": coupling.save(),
         }
+        if self._try_to_write(step, tree):
+            self._written = step
+
+    def _try_to_write(self, step: int, tree: dict[str, Any]) -> bool:
+        """Write the file; a full disk is warned of once, and costs the run nothing."""
         try:
             write(self.file, step, tree, self.fingerprint, self._elapsed())
         except OSError as error:
@@ -193,8 +198,9 @@ class Checkpoints:
                     self.file, error.strerror or error,
                 )  # fmt: skip
             self._warned = True
-            return
-        self._written, self._warned = step, False
+            return False
+        self._warned = False
+        return True
 
     def _elapsed(self) -> float:
         return self.elapsed + time.perf_counter() - self._began
