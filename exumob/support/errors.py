@@ -20,8 +20,7 @@ class SimulationError(RuntimeError):
     state: dict[str, Any] | None = None
     """State of the flow solver before the step that failed, for `exumob.flow.FlowSolver.restore`"""
     cause: str
-    """``"sunk"`` if a wheel sank to its centre; ``"afloat"`` or ``"swept away"`` if the vehicle cannot even stand; else
-    empty"""
+    """``"sunk"`` if a wheel sank to its centre; ``"tipped"`` if the vehicle fell over before the start; else empty"""
 
 
 class SimulationInterrupted(KeyboardInterrupt):
