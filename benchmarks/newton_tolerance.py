@@ -1,4 +1,4 @@
-"""How far runs end from one whose equations are solved to 1e-9, by the tolerance of Newton's iterations, and their cost.
+"""How far runs end from one whose equations are solved to 1e-9, by Newton's tolerance, and what that costs.
 
 `python benchmarks/newton_tolerance.py [DURATION]`: D60/U1 with coefficients, fast setting, both vehicles; CPU times of
 interleaved runs in one process.

@@ -306,7 +306,9 @@ class MultibodyVehicle:
         newton = settings.timeIntegration.newton
         usual = newton.relativeTolerance, newton.absoluteTolerance
         try:
-            for tolerance in LOOSER if before is not None else ():
+            for tolerance in LOOSER:
+                if before is None:
+                    break
                 newton.relativeTolerance, newton.absoluteTolerance = tolerance, 1e-2 * tolerance
                 self._go_on_from(before, settings)
                 if self._solve(settings, end_time):

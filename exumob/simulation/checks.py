@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from exumob.driving.maneuver import FeedbackManeuver, Maneuver
+from exumob.driving.path_following import PathFollowing
 from exumob.simulation.cost import require_room
 from exumob.simulation.description import Steps
 from exumob.support.checks import require_positive
@@ -25,19 +26,21 @@ def check_steps(steps: Steps) -> None:
     """Raise ValueError unless every step is positive and a whole multiple of the one below it [s]."""
     require_positive("simulate", **asdict(steps))
     for name, coarse, fine_name, fine in (
-        ("the history step of 1 ms", HISTORY_STEP, "micro_step", steps.micro_step),
+        ("", HISTORY_STEP, "micro_step", steps.micro_step),
         ("macro_step", steps.macro_step, "micro_step", steps.micro_step),
         ("record_step", steps.record_step, "micro_step", steps.micro_step),
         ("duration", steps.duration, "macro_step", steps.macro_step),
     ):
         ratio = coarse / fine
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6 * ratio:
-            choice, advice = name, f"{max(round(ratio), 1) * fine:.9g}"
-            if name.startswith("the history"):
-                choice, advice = "micro_step", "1e-3, 5e-4, 2.5e-4, 2e-4 or 1e-4"
+            if not name:
+                raise ValueError(
+                    f"simulate.micro_step = {fine:g} s must divide 1 ms, the interval at which the water's models see "
+                    "the motion, into whole parts; choose 1e-3, 5e-4, 2.5e-4, 2e-4 or 1e-4 s, say."
+                )
             raise ValueError(
-                f"simulate: {name} ({coarse:g} s) must be a whole multiple of {fine_name} = {fine:g} s; "
-                f"choose {choice} = {advice} s, say."
+                f"simulate.{name} = {coarse:g} s must be a whole multiple of {fine_name} = {fine:g} s; choose {name} = "
+                f"{max(round(ratio), 1) * fine:.9g} s, say."
             )
     require_room(steps)
 
@@ -65,6 +68,8 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> tup
     speed = np.array([maneuver.wheel_speed(t) for t in times])
     if not (np.isfinite(steering).all() and np.isfinite(speed).all()):
         raise ValueError("maneuver: steering or wheel_speed is not finite within the duration; mend its definition.")
+    if isinstance(maneuver, PathFollowing):
+        maneuver.check_start(vehicle)
     largest = np.abs(steering[:, 0]).max()
     if isinstance(maneuver, FeedbackManeuver):
         largest = max(largest, maneuver.max_steering)

@@ -60,14 +60,23 @@ def test_bad_step_or_duration_is_named(vehicle, sand, field, value):
     [
         (
             {"micro_step": 3e-4, "macro_step": 3e-3},
-            r"history step of 1 ms .*whole multiple of micro_step = 0\.0003 s; choose",
+            r"simulate\.micro_step = 0\.0003 s must divide 1 ms.*; choose",
         ),
-        ({"micro_step": 2e-3}, r"history step of 1 ms .*micro_step = 0\.002 s; choose"),
-        ({"micro_step": 5e-4, "macro_step": 1.2e-3}, r"macro_step \(0\.0012 s\).*micro_step = 0\.0005 s; choose"),
-        ({"micro_step": 5e-4, "macro_step": 2e-4}, r"macro_step \(0\.0002 s\).*micro_step = 0\.0005 s; choose"),
-        ({"micro_step": 5e-4, "record_step": 1.3e-3}, r"record_step \(0\.0013 s\).*micro_step = 0\.0005 s; choose"),
-        ({"duration": 0.25, "macro_step": 20e-3}, r"duration \(0\.25 s\).*macro_step = 0\.02 s; choose"),
-        ({"duration": 0.01, "macro_step": 20e-3}, r"duration \(0\.01 s\).*macro_step = 0\.02 s; choose"),
+        ({"micro_step": 2e-3}, r"simulate\.micro_step = 0\.002 s must divide 1 ms.*; choose"),
+        (
+            {"micro_step": 5e-4, "macro_step": 1.2e-3},
+            r"simulate\.macro_step = 0\.0012 s .* micro_step = 0\.0005 s",
+        ),
+        (
+            {"micro_step": 5e-4, "macro_step": 2e-4},
+            r"simulate\.macro_step = 0\.0002 s .* micro_step = 0\.0005 s",
+        ),
+        (
+            {"micro_step": 5e-4, "record_step": 1.3e-3},
+            r"simulate\.record_step = 0\.0013 s .* micro_step = 0\.0005 s",
+        ),
+        ({"duration": 0.25, "macro_step": 20e-3}, r"simulate\.duration = 0\.25 s .*macro_step = 0\.02 s; choose"),
+        ({"duration": 0.01, "macro_step": 20e-3}, r"simulate\.duration = 0\.01 s .*macro_step = 0\.02 s; choose"),
     ],
 )
 def test_steps_must_be_whole_multiples(vehicle, sand, steps, message):
