@@ -106,6 +106,9 @@ def lane_change_command(  # one argument an option of the command line
     ] = False,
     steering: Annotated[float, option(EXPERT, "Steering amplitude [deg]; a negative one mirrors the maneuver.")] = 30.0,
     wheel_speed: Annotated[float, option(EXPERT, "Final wheel speed [rad/s].")] = 10.0,
+    initial_speed: Annotated[
+        float, option(EXPERT, "Speed of the vehicle at time 0 [m/s], ahead, its wheels rolling.")
+    ] = 0.0,
     duration: Duration = DURATION,
     setting: SettingOption = SettingName.fast,
     micro_step: MicroStep = None,
@@ -146,6 +149,7 @@ def lane_change_command(  # one argument an option of the command line
         car = vehicle_of(vehicle)
         if unusual:
             depth_ratio, current, wheel_speed, cell_size = map(Unusual, (depth_ratio, current, wheel_speed, cell_size))
+            initial_speed = Unusual(initial_speed)
         water = None
         if depth_ratio != 0.0:
             direction = radians("--current-direction", current_direction, DIRECTION, unusual)
@@ -171,7 +175,8 @@ def lane_change_command(  # one argument an option of the command line
     except (ValueError, OSError, ImportError) as error:
         fail(error)
     steps: dict[str, Any] = {
-        "duration": duration, "setting": setting.value, "micro_step": micro_step, "macro_step": macro_step
+        "duration": duration, "setting": setting.value, "micro_step": micro_step, "macro_step": macro_step,
+        "initial_speed": initial_speed,
     }  # fmt: skip
 
     def run(advance: Callable[[float], None]) -> xr.Dataset:

@@ -113,6 +113,7 @@ OPTION_NAMES = {
     "micro_step": "--micro-step",
     "simulate.macro_step": "--macro-step",
     "macro_step": "--macro-step",
+    "simulate.initial_speed": "--initial-speed",
     "simulate.checkpoint": "--checkpoint",
     "without checkpoint": "without --checkpoint",
     "simulate.resume": "--resume",

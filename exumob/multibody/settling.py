@@ -7,8 +7,8 @@ standstill resists (`exumob.ground.contact_patch`).
 Not every vehicle can stand where it is put. What the soil holds only by creep, on a slope or in a current, is brought
 to the true soil in gentle steps, each from the equilibrium of the last; where sticking and slipping keep it from the
 next, it starts from the last one, as it creeps. What slides or is carried away is held in its place by springs in the
-plane of its deck while it finds its height, pitch and roll; at time 0 it is let go, at rest. `Start.kind` says which it
-was.
+plane of the ground while it finds its height, pitch and roll; at time 0 it is let go, at rest. `Start.kind` says
+which it was.
 """
 
 from __future__ import annotations
@@ -38,6 +38,8 @@ PATIENCE = 6.0
 """Longest simulated time of a stage [s]."""
 HOLD_RATE = 100.0
 """Natural frequency of the hold [rad/s]: a load of a third of the weight moves the hull by 0.3 mm."""
+HOLD_TIME = 15.0
+"""Longest simulated time for which a vehicle is held [s]."""
 AFLOAT_SHARE = 0.05
 """Share of the weight on the wheels below which a vehicle is afloat."""
 TIPPED = 60.0
@@ -172,7 +174,7 @@ class _Search:
         return last if stages else replace(last, kind="at rest")
 
     def held(self, present: BodyStates, free: Start) -> Start:
-        """Hold the vehicle in its place in the plane of its deck, while it finds height and attitude.
+        """Hold the vehicle above its place on the ground, while it finds height and attitude.
 
         Raises
         ------
@@ -180,10 +182,14 @@ class _Search:
             If it tips over.
         """
         self.parameters["hold_rate"] = HOLD_RATE
-        stages = [Stage(SLIPPERY, self.damping, 1e-5), Stage(1.0, self.damping, 1e-5)]
+        stages = [Stage(SLIPPERY, self.damping, 1e-4), Stage(1.0, self.damping, 1e-4)]
+        weight = self.vehicle.mass * float(self.parameters["gravity"])
+        borne = 1.0
         step = 0
-        while stages and step * SETTLING_STEP < len(stages) * PATIENCE:
-            present, acceleration = self._step(step, stages[0], present)
+        while stages and step * SETTLING_STEP < HOLD_TIME:
+            damping = self.damping * (0.25 + 0.75 * min(borne, 1.0))  # water is a softer spring than the suspension
+            present, acceleration = self._step(step, stages[0]._replace(damping=damping), present)
+            borne = float(self.loads["soil_force"][:, 2].sum()) / weight
             if step * SETTLING_STEP > 0.2 and acceleration < stages[0].target * self.parameters["gravity"]:
                 stages.pop(0)
             step += 1
@@ -194,10 +200,8 @@ class _Search:
                 "deg). Choose gentler ground, less water, or a lower centre of mass.",
                 cause="tipped",
             )
-        weight = self.vehicle.mass * float(self.parameters["gravity"])
-        afloat = float(self.loads["soil_force"][:, 2].sum()) < AFLOAT_SHARE * weight
         coordinates, velocities = self.state()
-        kind = "out of balance" if stages else "afloat" if afloat else "sliding"
+        kind = "out of balance" if stages else "afloat" if borne < AFLOAT_SHARE else "sliding"
         return Start(kind, coordinates, np.zeros_like(velocities), free.speed, float(acceleration))
 
 

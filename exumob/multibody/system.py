@@ -166,6 +166,7 @@ class MultibodyVehicle:
             return self.present()
 
         self.parameters[0]["hold_place"] = self._reference[:3] + laid[0][:3]
+        self.parameters[0]["hold_normal"] = self._ground_normal
         try:
             start = relax(self.vehicle, self.parameters[0], self.loads[0], water_wrenches, advance, begin, state)
         finally:

@@ -33,16 +33,13 @@ from exumob.support.arrays import Array
 from exumob.support.compiled import say_compilation
 from exumob.support.declared import checked
 from exumob.support.errors import SimulationError, SimulationInterrupted
-from exumob.support.quantities import STEP, Quantity
+from exumob.support.quantities import INITIAL_SPEED, STEP
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics, SpinUpHydrodynamics
 
 logger = logging.getLogger(__name__)
-
-INITIAL_SPEED = Quantity("m/s", at_least=-100.0, at_most=100.0, plausible=(-30.0, 30.0))
-"""Speed of the vehicle at time 0"""
 
 
 @checked
@@ -220,8 +217,13 @@ def _settle(model: MultibodyVehicle, run: RunDescription, store: Checkpoints | N
         begun = None if store is None else store.spin_up
         hydrodynamics.run_spin_up(run.vehicle, run.water, run.steps.macro_step, settle, keep, begun)
         return
-    hydrodynamics.start(run.vehicle, run.water, SETTLING_STEP)
-    start = model.settle(lambda states: checked_wrenches(hydrodynamics, states, lambda: states), run.initial_speed)
+
+    def load(states: BodyStates) -> Array:
+        if states.time[-1] == 0.0:  # the search begins, or begins anew
+            hydrodynamics.start(run.vehicle, run.water, SETTLING_STEP)
+        return checked_wrenches(hydrodynamics, states, lambda: states)
+
+    start = model.settle(load, run.initial_speed)
     _say_start(run, model, start)
 
 

@@ -217,6 +217,8 @@ DURATION = Quantity("s", above=0.0, at_most=1e6)
 """Simulated time"""
 STEP = Quantity("s", above=0.0, at_most=1e6)
 """Step of time"""
+INITIAL_SPEED = Quantity("m/s", at_least=-100.0, at_most=100.0, plausible=(-30.0, 30.0))
+"""Speed of the vehicle at time 0, along its heading"""
 
 
 def shown(value: object, length: int = 60) -> str:

@@ -28,8 +28,8 @@ MANEUVERS: dict[str, Maneuver] = {
     "lane change": LaneChange(), "straight": ConstantSteer(), "path following": PathFollowing(),
 }  # fmt: skip
 """Values of ``maneuver``, with the maneuver that each name stands for."""
-STEPS = ("duration", "micro_step", "macro_step", "record_step")
-"""Fields of the time of a run [s]."""
+STEPS = ("duration", "micro_step", "macro_step", "record_step", "initial_speed")
+"""Fields of the time of a run [s], and the speed with which it begins [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Experiment:
     (one of `MANEUVERS`) and ``maneuver.<field>``, ``hydrodynamics`` (one of `MODELS`; sweeps, maps and
     tuning choose one for all cases where it is ``"auto"``), ``hydrodynamics.member`` (one
     network of the ensemble, by number), ``hydrodynamics.<field>`` of the coefficients, and ``duration``,
-    ``setting``, ``micro_step``, ``macro_step``, ``record_step``.
+    ``setting``, ``micro_step``, ``macro_step``, ``record_step``, ``initial_speed``.
     """
 
     vehicle: Vehicle
@@ -63,6 +63,8 @@ class Experiment:
     """[s]; None: by the setting"""
     record_step: float = RECORD_STEP
     """[s]"""
+    initial_speed: float | None = None
+    """[m/s], see `exumob.simulate`; None: as the maneuver's wheels turn at time 0"""
 
     def __post_init__(self) -> None:
         if self.hydrodynamics not in MODELS:
@@ -102,6 +104,8 @@ class Experiment:
             return 0.0 if self.water is None else self.water.depth / self.vehicle.wheel.diameter
         if name in ("micro_step", "macro_step") and getattr(self, name) is None:
             return getattr(setting_named(self.setting), name)
+        if name == "initial_speed" and self.initial_speed is None:
+            return self.maneuver.wheel_speed(0.0)[0] * self.vehicle.wheel.radius
         if name in ("soil", "maneuver", "hydrodynamics", "setting", *STEPS):
             return getattr(self, name)
         if name == "hydrodynamics.member":
@@ -213,6 +217,7 @@ class Experiment:
         return simulate(
             self.vehicle, self.soil, self.water, self.maneuver, self.water_model(), duration=self.duration,
             setting=self.setting, micro_step=self.micro_step, macro_step=self.macro_step, record_step=self.record_step,
+            initial_speed=self.initial_speed,
         )  # fmt: skip
 
     def __call__(self, values: Mapping[str, Any]) -> xr.Dataset:
