@@ -188,8 +188,8 @@ def test_what_nothing_holds_is_held_in_its_place_until_the_release(vehicle, sand
 
 
 def test_a_start_in_motion_resumes_with_the_same_bits(vehicle, sand, tmp_path):
-    arguments = dict(duration=0.2, hydrodynamics=CoefficientHydrodynamics(), setting="fast")
-    water, maneuver = Water(0.12, 0.5), ConstantSteer(start_speed=8.0)
+    arguments = dict(duration=0.2, hydrodynamics=CoefficientHydrodynamics(), initial_speed=0.8)
+    water, maneuver = Water(0.12, 0.5), ConstantSteer()
 
     def stop(time):
         if time > 0.09:
@@ -202,7 +202,7 @@ def test_a_start_in_motion_resumes_with_the_same_bits(vehicle, sand, tmp_path):
     resumed = simulate(vehicle, sand, water, maneuver, **arguments, checkpoint=file, resume=True)
     assert (resumed["position"] == whole["position"]).all() and resumed.attrs["start"] == whole.attrs["start"]
     with pytest.raises(ValueError, match="initial_speed differ"):
-        simulate(vehicle, sand, water, maneuver, **arguments, initial_speed=0.5, checkpoint=file, resume=True)
+        simulate(vehicle, sand, water, maneuver, **(arguments | {"initial_speed": 0.5}), checkpoint=file, resume=True)
 
 
 def test_a_soil_that_is_too_soft_is_still_said(vehicle):
