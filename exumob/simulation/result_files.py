@@ -11,7 +11,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from exumob.support.files import atomic_write
+from exumob.support.files import atomic_write, read_netcdf, sealed
 
 logger = logging.getLogger(__name__)
 
@@ -53,11 +53,18 @@ def _write(dataset: xr.Dataset, path: Path) -> Path:
     packed = {name: {"zlib": True, "complevel": 4} for name, v in dataset.data_vars.items() if v.dtype.kind == "f"}
     data = dataset.to_netcdf(engine="h5netcdf", encoding=packed)  # in memory: HDF5 on a full disk takes Python down
     with atomic_write(path) as temporary:
-        temporary.write_bytes(data)
+        temporary.write_bytes(sealed(bytes(data)))
     return path
 
 
 def load_dataset(file: str | Path) -> xr.Dataset:
-    """Read a result written by `save_dataset` into memory."""
-    with xr.open_dataset(file, engine="h5netcdf") as dataset:
-        return dataset.load()
+    """Read a result written by `save_dataset` into memory.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it cannot be read, or is not what was written; see `exumob.support.files.read_netcdf`.
+    """
+    return read_netcdf(file)

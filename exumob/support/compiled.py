@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from exumob.support import own_caches
+
 logger = logging.getLogger(__name__)
 
 _said: set[str] = set()
@@ -46,5 +48,6 @@ def say_compilation(what: str, kernel: Callable[..., Any], duration: str) -> Non
     _said.add(what)
     if not is_compiled(kernel):
         logger.warning(
-            "%s is compiled first, which takes %s; what is compiled is kept, later runs start at once.", what, duration
-        )
+            "%s is compiled first, which takes %s; %s.", what, duration,
+            own_caches.NOT_KEPT if own_caches.temporary else "what is compiled is kept, later runs start at once",
+        )  # fmt: skip
