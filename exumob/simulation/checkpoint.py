@@ -110,6 +110,7 @@ class Checkpoints:
         if self.found and not resume:
             raise ValueError(f"checkpoint {file} exists already; resume from it (resume, --resume) or move it away.")
         self.released, self.spin_up = False, None
+        self._read: tuple[int, dict[str, Any]] | None = None
         if self.found:
             with _opened(file) as archive:
                 head = _head(file, archive)
@@ -121,16 +122,18 @@ class Checkpoints:
                     f"{'s' if len(wrong) == 1 else ''}. Resume with what it was made with, or move it away and begin "
                     "anew."
                 )
-            steps, tree = read(file)
+            self._read = read(file)
+            steps, tree = self._read
             self.released = steps >= 0
-            if not self.released:
-                if "spin_up" not in tree:
-                    _refuse(file, "it holds no state of the water before the release")
-                self.spin_up = tree["spin_up"]
+            parts = {"model", "hydrodynamics", "coupling"} if self.released else {"spin_up"}
+            if set(tree) != parts:
+                _refuse(file, f"it holds {', '.join(sorted(tree)) or 'nothing'} instead of {', '.join(sorted(parts))}")
+            self.spin_up = tree.get("spin_up")
 
     def resume(self, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling) -> int:
         """Bring all to the state of the file; return the number of macro steps done."""
-        steps, saved = read(self.file)
+        steps, saved = read(self.file) if self._read is None else self._read
+        self._read = None  # it may be large
         try:
             model.restore(SavedState(**saved["model"]))
             hydrodynamics.restore(saved["hydrodynamics"])
@@ -211,7 +214,7 @@ def write(file: Path, step: int, tree: dict[str, Any], fingerprint: Fingerprint,
     """Write a tree of dicts, lists, arrays, numbers and text, whole or not at all; `elapsed` [s] is what it took."""
     arrays: dict[str, np.ndarray] = {}
     head = {"step": step, "fingerprint": fingerprint.parts, "elapsed": elapsed, "tree": _taken_apart(tree, "", arrays)}
-    head["digest"] = _digest(head, arrays)
+    head["digest"] = _digest(json.loads(json.dumps(head)), arrays)
     with atomic_write(file) as temporary, temporary.open("wb") as stream:
         np.savez(stream, allow_pickle=False, **{HEAD: np.array(json.dumps(head))}, **arrays)
 
@@ -253,8 +256,8 @@ def _check_folder(file: Path) -> None:
         probe_writing(file.parent, max(ROOM, file.stat().st_size if file.exists() else 0))
     except OSError as error:
         raise ValueError(
-            f"checkpoint {file}: the folder {file.parent} cannot be written ({os.strerror(error.errno or 0)}); make room "
-            "or let it be written, or give a file in another folder."
+            f"checkpoint {file}: the folder {file.parent} cannot be written ({os.strerror(error.errno or 0)}); make "
+            "room or let it be written, or give a file in another folder."
         ) from None
 
 
@@ -262,7 +265,8 @@ def _check_folder(file: Path) -> None:
 def _opened(file: Path) -> Iterator[Any]:
     """Open an archive whose members are whole; whatever goes wrong in it is a ValueError that names the file."""
     try:
-        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+        with file.open("rb") as stream:
+            archive = np.load(stream, allow_pickle=False)
             if not isinstance(archive, np.lib.npyio.NpzFile) or archive.zip is None:
                 raise _Damaged("it is no numpy archive")
             if any(member.compress_type != zipfile.ZIP_STORED for member in archive.zip.infolist()):

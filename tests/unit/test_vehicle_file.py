@@ -46,12 +46,10 @@ def write(folder, text, name="mine.py"):
         ("def car():\n    raise SystemExit('[/red] :smile:')\n", r"line 2: SystemExit: \[/red\] :smile:; mend it"),
         ("def car(a, *b, c=1):\n    return a\n", r"car takes arguments \(a\); it must need none"),
         ("from exumob import Vehicle\ndef car():\n    return Vehicle\n", r"returned the class Vehicle itself"),
-        ("async def car():\n    return 1\n", r"returned coroutine"),
         (HEADER + "def car():\n    return [_base()]\n", r"returned list"),
         ("from exumob import Hull\ndef car():\n    return Hull(mas=3)\n", r"line 3: TypeError: .*'mas'; exumob/"),
     ],
 )  # fmt: skip
-@pytest.mark.filterwarnings("ignore:coroutine .* was never awaited")
 def test_whatever_breaks_is_said_with_file_line_and_kind(tmp_path, text, message):
     path = list(sys.path)
     with pytest.raises(ValueError, match=message) as caught:
