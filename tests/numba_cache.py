@@ -23,7 +23,7 @@ def prepare(cache, package):
         or (hasattr(os, "getuid") and place.st_uid != os.getuid())
         or place.st_mode & 0o022
     ):
-        raise PermissionError(f"{cache} is a link, or others may write there; delete it")
+        raise PermissionError(f"{cache} is a link, or others may write there: delete it")
     listed = cache / "digests.json"
     before = json.loads(listed.read_text()) if listed.exists() else {}
     now = {file.relative_to(package).as_posix(): digest for file, digest in digests(package).items()}

@@ -29,8 +29,8 @@ def simulated_time_bar(
 ) -> Iterator[Callable[[float], None]]:
     """Bar with the time remaining; yields what takes the simulated time reached [s], from -lead on."""
     with Progress(
-        TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.fields[now]:.2f} of {task.fields[end]:g} s"),
-        TimeRemainingColumn(), console=errors, transient=True,
+        TextColumn("{task.description}", markup=False), BarColumn(),
+        TextColumn("{task.fields[now]:.2f} of {task.fields[end]:g} s"), TimeRemainingColumn(), console=errors, transient=True,
     ) as bar:  # fmt: skip
         task = bar.add_task(before, total=duration + lead, now=0.0 - lead, end=duration)
 
@@ -46,8 +46,8 @@ def simulated_time_bar(
 def counting_bar(description: str, total: int, unit: str) -> Iterator[tuple[Progress, TaskID]]:
     """Bar that counts what is finished, with the time remaining."""
     with Progress(
-        TextColumn("{task.description}", markup=False), BarColumn(), TextColumn(f"{{task.completed}} of {{task.total}} {unit}"),
-        TimeRemainingColumn(), console=errors, transient=True,
+        TextColumn("{task.description}", markup=False), BarColumn(),
+        TextColumn(f"{{task.completed}} of {{task.total}} {unit}"), TimeRemainingColumn(), console=errors, transient=True,
     ) as bar:  # fmt: skip
         yield bar, bar.add_task(description, total=total)
 

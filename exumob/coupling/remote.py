@@ -126,8 +126,8 @@ class RemoteFlow:
             self._report_names = list(report)
         if set(report) != set(self._report_names):
             raise SimulationError(
-                f"RemoteFlow: the flow code reported {_listed(self._report_names)} at first and {_listed(list(report))} "
-                f"at {time:g} s; it must always report the same."
+                f"RemoteFlow: the code reported {_listed(self._report_names)} at first and {_listed(list(report))} at "
+                f"{time:g} s; it must always report the same."
             )
         self._report = {name: report[name] for name in self._report_names}
         return wrenches
