@@ -37,7 +37,12 @@ BEGINNINGS = stops(
 NAMED = re.compile(r"--[a-z][a-z-]*|\b[A-Za-z_.]+\.[a-z_]+\b|'[A-Z_]+(\.\.\.)?'|'[A-Z]+'|simulate|maneuver|parameter")
 """How an error says what it speaks of: an option, a field, an argument of the command line"""
 BASES = {
-    "lane-change": [["--duration", "0.1"], ["--depth-ratio", "0"], ["--hydrodynamics", "coefficients"], ["--hydrodynamics", "cfd"]],
+    "lane-change": [
+        ["--duration", "0.1"],
+        ["--depth-ratio", "0"],
+        ["--hydrodynamics", "coefficients"],
+        ["--hydrodynamics", "cfd"],
+    ],
     "captive": [[], ["--coarse", "--cell-size", "0.04"]],
     "sweep": [["--vary", "water.current_speed=0,0.5,1"], ["--vary", "soil.cohesion~normal(1300,200)"], []],
     "map": [["--draws", "1"], []],
@@ -136,4 +141,3 @@ def command_targets() -> list[Target]:
     """All commands."""
     commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
     return [command_target(name) for name in commands]
-

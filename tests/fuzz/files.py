@@ -293,7 +293,9 @@ def _answer_of_sweep(given: tuple[dict[str, bytes], str]) -> Outcome:
             if not (done == 1.0).all():
                 raise Silent(f"other results: {done}")
 
-        return outcome_of(lambda: sweep(_numbers, SWEPT, folder / "sweep", workers=1), [name, Path(name).name, "sweep"], verify=verify)
+        return outcome_of(
+            lambda: sweep(_numbers, SWEPT, folder / "sweep", workers=1), [name, Path(name).name, "sweep"], verify=verify
+        )
 
 
 # -- checkpoints -------------------------------------------------------------------------------------------------------
@@ -330,4 +332,3 @@ def file_targets() -> list[Target]:
         file_target("checkpoint", "run.npz", damaged(checkpoint_file), _resume, verify=None, also=("checkpoint",)),
         Target("folder of a sweep", damaged_sweeps(), _answer_of_sweep, group="files"),
     ]  # fmt: skip
-

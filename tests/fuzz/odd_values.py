@@ -177,4 +177,17 @@ def plain(value: Any, label: str = "any") -> Given:
 
 
 ODD = [given(source) for source in NUMBERS + OTHERS]
-__all__ = ["NUMBERS", "ODD", "OTHERS", "Fraction", "Given", "datetime", "decimal", "given", "np", "pathlib", "sys", "xr"]
+__all__ = [
+    "NUMBERS",
+    "ODD",
+    "OTHERS",
+    "Fraction",
+    "Given",
+    "datetime",
+    "decimal",
+    "given",
+    "np",
+    "pathlib",
+    "sys",
+    "xr",
+]

@@ -122,7 +122,8 @@ def _refusal(error: BaseException, names: Iterable[str], clear: tuple[type[BaseE
     if not fault:
         return Outcome("clear", f"{type(error).__name__}: {short}")
     frames = [
-        f"{Path(frame.filename).name}:{frame.lineno} {frame.name}" for frame in traceback.extract_tb(error.__traceback__)
+        f"{Path(frame.filename).name}:{frame.lineno} {frame.name}"
+        for frame in traceback.extract_tb(error.__traceback__)
     ]
     return Outcome("unclear", f"{fault}: {type(error).__name__}: {short}  [{' < '.join(frames[::-1][:4])}]")
 

@@ -42,7 +42,11 @@ def try_target(target: Target, number: int, first: int, show: Callable[[object, 
 
     @seed(first)
     @settings(
-        max_examples=number, database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
+        max_examples=number,
+        database=None,
+        deadline=None,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
     )
     @given(target.inputs)
     def attempt(values: object) -> None:

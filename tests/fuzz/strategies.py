@@ -146,8 +146,12 @@ def numbers(quantity: Quantity | None) -> st.SearchStrategy[Given]:
     q = quantity or PLAIN
     ends = [q.above, q.at_least, q.at_most, q.below, *(q.plausible or ()), 0.0]
     ends = [float(end) for end in ends if math.isfinite(end)]
-    near = [f(end) for end in ends for f in (float, lambda e: math.nextafter(e, -math.inf), lambda e: math.nextafter(e, math.inf))]
-    low, high = (q.plausible or (max(q.above, q.at_least, -1e6), min(q.below, q.at_most, 1e6)))
+    near = [
+        f(end)
+        for end in ends
+        for f in (float, lambda e: math.nextafter(e, -math.inf), lambda e: math.nextafter(e, math.inf))
+    ]
+    low, high = q.plausible or (max(q.above, q.at_least, -1e6), min(q.below, q.at_most, 1e6))
     inside = st.floats(low, high, allow_nan=False)
     units = [size for _, size in OTHER_UNITS.get(q.unit, ())]
     scales = [*units, *(1.0 / size for size in units), -1.0, 10.0, 1e3, 1e6, 1e30, 1e-3, 1e-9]
@@ -191,9 +195,15 @@ def _arrays(quantity: Quantity) -> st.SearchStrategy[Given]:
         if draw(st.integers(0, 5)) == 0:
             shape = draw(st.lists(st.integers(0, 4), max_size=4))
         array = np.random.default_rng(draw(st.integers(0, 99))).uniform(low, high, shape)
-        way = draw(st.sampled_from(["as it is", "as it is", "single", "list", "hole", "mask", "huge", "whole", "texts", "order"]))
+        way = draw(
+            st.sampled_from(
+                ["as it is", "as it is", "single", "list", "hole", "mask", "huge", "whole", "texts", "order"]
+            )
+        )
         if array.size and way in ("hole", "huge"):
-            array.flat[draw(st.integers(0, array.size - 1))] = draw(st.sampled_from([math.nan, math.inf, -math.inf, 1e300]))
+            array.flat[draw(st.integers(0, array.size - 1))] = draw(
+                st.sampled_from([math.nan, math.inf, -math.inf, 1e300])
+            )
         ways: dict[str, Callable[[], Any]] = {
             "single": lambda: array.astype(np.float32), "list": array.tolist, "whole": lambda: array.astype(int),
             "mask": lambda: np.ma.masked_greater(array, 0.5 * (low + high)), "texts": lambda: array.astype(str),
@@ -248,7 +258,9 @@ def _of_kind(hint: Any, quantity: Quantity | None = None) -> st.SearchStrategy[G
     if origin is typing.Literal:
         return st.sampled_from(inner).map(lambda value: plain(value, "valid"))
     if isinstance(hint, type) and issubclass(hint, PathLike):
-        return st.one_of(st.text(max_size=30), st.sampled_from(["x.nc", "none/x.nc", ".", "/dev/full", "x" * 300])).map(plain)
+        return st.one_of(st.text(max_size=30), st.sampled_from(["x.nc", "none/x.nc", ".", "/dev/full", "x" * 300])).map(
+            plain
+        )
     if hint is tuple or origin is tuple:
         return _tuples(inner, quantity)
     if origin in (list, Sequence):
@@ -302,7 +314,15 @@ def _verify_kind(name: str, hint: Any, value: Any) -> None:
     kinds = inner if origin in (typing.Union, types.UnionType) else (hint,)
     if float in kinds and isinstance(value, Real) and int not in kinds and type(value) not in (float, Unusual):
         raise Silent(f"{name} = {value!r} is kept as {type(value).__name__}")
-    if int in kinds and float not in kinds and isinstance(value, Integral) and type(value) is not int and bool not in kinds:
+    if (
+        int in kinds
+        and float not in kinds
+        and isinstance(value, Integral)
+        and type(value) is not int
+        and bool not in kinds
+    ):
         raise Silent(f"{name} = {value!r} is kept as {type(value).__name__}")
-    if any(kind is tuple or typing.get_origin(kind) is tuple for kind in kinds) and isinstance(value, list | np.ndarray):
+    if any(kind is tuple or typing.get_origin(kind) is tuple for kind in kinds) and isinstance(
+        value, list | np.ndarray
+    ):
         raise Silent(f"{name} is kept as a {type(value).__name__}")

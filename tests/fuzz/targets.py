@@ -198,7 +198,9 @@ NAMED = {
 def named_values(draw: Any) -> Given:
     """Values by dotted name, as sweeps give them."""
     names = draw(st.lists(st.sampled_from(list(NAMED)), min_size=1, max_size=3, unique=True))
-    parts = {name: draw(st.one_of(st.just(plain(NAMED[name])), values_of(float), st.sampled_from(ODD))) for name in names}
+    parts = {
+        name: draw(st.one_of(st.just(plain(NAMED[name])), values_of(float), st.sampled_from(ODD))) for name in names
+    }
     return Given(repr(parts), lambda: {name: part.make() for name, part in parts.items()})
 
 
@@ -286,7 +288,7 @@ def function_target(
         names, refused = names_of(given, list(parameters))
         names += [text for g in values.values() if isinstance(g, str | Path) and len(text := str(g)) > 1]
         names += [name.partition(",")[0]] if len(varied) == 1 else []
-        with (in_empty_folder() if files else contextlib.nullcontext()), around():
+        with in_empty_folder() if files else contextlib.nullcontext(), around():
             return outcome_of(
                 lambda: function(*positional, **values), [*names, *also], refused=refused, verify=verify, clear=clear
             )
@@ -429,4 +431,3 @@ def _verify_recorded(recorded: exumob.Recorded) -> None:
     for time in TIMES:
         finite(f"Recorded.steering({time})", recorded.steering(time))
         finite(f"Recorded.wheel_speed({time})", recorded.wheel_speed(time))
-

@@ -24,7 +24,11 @@ def try_inputs(target: targets.Target, number: int) -> None:
     """Fail with the simplest input that is not answered by a result or a clear word."""
 
     @settings(
-        max_examples=number, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck),
+        max_examples=number,
+        derandomize=True,
+        database=None,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
         phases=[Phase.generate, Phase.shrink],
     )
     @given(target.inputs)
