@@ -6,6 +6,7 @@ import logging
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Annotated
 
 import xarray as xr
 
@@ -24,8 +25,11 @@ from exumob.simulation.results import build_dataset
 from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, setting_named
 from exumob.simulation.stop_request import StopRequest
 from exumob.simulation.water_models import DEFAULT_MODEL, hydrodynamics_named
+from exumob.support import quantities
 from exumob.support.arrays import Array
+from exumob.support.declared import checked
 from exumob.support.errors import SimulationError, SimulationInterrupted
+from exumob.support.quantities import STEP
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
@@ -34,6 +38,7 @@ from exumob.water.hydrodynamics import Hydrodynamics, SpinUpHydrodynamics
 logger = logging.getLogger(__name__)
 
 
+@checked
 def simulate(  # one argument a part of the run; all but two have defaults
     vehicle: Vehicle,
     soil: Soil,
@@ -41,11 +46,11 @@ def simulate(  # one argument a part of the run; all but two have defaults
     maneuver: Maneuver | None = None,
     hydrodynamics: Hydrodynamics | str = DEFAULT_MODEL,
     *,
-    duration: float = DURATION,
+    duration: Annotated[float, quantities.DURATION] = DURATION,
     setting: str = DEFAULT_SETTING,
-    micro_step: float | None = None,
-    macro_step: float | None = None,
-    record_step: float = RECORD_STEP,
+    micro_step: Annotated[float | None, STEP] = None,
+    macro_step: Annotated[float | None, STEP] = None,
+    record_step: Annotated[float, STEP] = RECORD_STEP,
     terrain: Terrain | None = None,
     coupling: Coupling | None = None,
     checkpoint: str | Path | None = None,
@@ -103,8 +108,8 @@ def simulate(  # one argument a part of the run; all but two have defaults
     SimulationInterrupted
         On Ctrl-C; a KeyboardInterrupt whose ``result`` holds the Dataset up to then.
     """
-    maneuver = maneuver or lane_change()
-    terrain = terrain or Terrain()
+    maneuver = lane_change() if maneuver is None else maneuver
+    terrain = Terrain() if terrain is None else terrain
     if isinstance(hydrodynamics, str):
         hydrodynamics = hydrodynamics_named(hydrodynamics, vehicle, water)
     in_loop = isinstance(hydrodynamics, SpinUpHydrodynamics)
@@ -124,7 +129,7 @@ def simulate(  # one argument a part of the run; all but two have defaults
     check_maneuver(vehicle, maneuver, duration)
     run = RunDescription(
         vehicle, soil, water, terrain, maneuver, hydrodynamics,
-        coupling or (SemiImplicit() if in_loop else Explicit()), steps,
+        (SemiImplicit() if in_loop else Explicit()) if coupling is None else coupling, steps,
     )  # fmt: skip
     store = None
     if checkpoint is not None:

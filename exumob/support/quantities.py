@@ -215,6 +215,8 @@ DIRECTION = Quantity("rad", plausible=(-2.0 * math.pi, 2.0 * math.pi))
 """Direction, counter-clockwise from world x"""
 DURATION = Quantity("s", above=0.0, at_most=1e6)
 """Simulated time"""
+STEP = Quantity("s", above=0.0, at_most=1e6)
+"""Step of time"""
 
 
 def shown(value: object, length: int = 60) -> str:
