@@ -22,7 +22,6 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -85,17 +84,13 @@ class CaseStore:
     Raises
     ------
     ValueError
-        If there are no cases, their names differ, the time limit is not positive or the function cannot be pickled.
+        If there are no cases, their names differ or the function cannot be pickled.
     """
 
     def __init__(
         self, folder: Path, function: Function, cases: Sequence[Case], time_limit: float | None, keep_runs: bool
     ) -> None:
-        _check_names(cases)
-        if time_limit is not None and not (_is_number(time_limit) and 0.0 < time_limit < math.inf):
-            raise ValueError(f"sweep.time_limit = {time_limit!r} s must be a number > 0, or None.")
-        if not callable(function):
-            raise ValueError(f"sweep.function = {function!r} is no function; give an Experiment or a function.")
+        check_names(cases)
         try:
             pickle.dumps(function)
         except Exception as error:
@@ -330,7 +325,7 @@ class CaseStore:
         """
         row = {
             "format": FORMAT, "exumob": package_version(), "function": self._values, "code": self._code,
-            "parameters": json.loads(case_text(self.cases[number])), "status": status, "reason": reason,
+            "parameters": json.loads(case_text(self.cases[number])), "status": status, "reason": _clean(reason),
             "wall_time": wall, "run": run,
             "values": {name: value if isinstance(value, str) else float(value) for name, value in values.items()},
         }  # fmt: skip
@@ -531,7 +526,8 @@ def fault_of_result(values: Any, parameters: Sequence[str]) -> str:
     return ""
 
 
-def _check_names(cases: Sequence[Case]) -> None:
+def check_names(cases: Sequence[Case]) -> None:
+    """Raise ValueError unless cases are dicts with the same proper names."""
     if isinstance(cases, Mapping) or not isinstance(cases, Sequence) or isinstance(cases, str):
         raise ValueError(
             f"sweep.cases is a {type(cases).__name__}; give a list of dicts, such as [{{'hull.mass': 49.0}}], or make "
@@ -560,7 +556,7 @@ def _fault_of_row(row: Any) -> str:
         return "it is in the layout of another version of exumob, or not of exumob at all"
     kinds: dict[str, Any] = {
         "exumob": str, "function": str, "code": str, "parameters": dict, "status": str, "reason": str,
-        "wall_time": Real, "run": bool, "values": dict,
+        "wall_time": int | float, "run": bool, "values": dict,
     }  # fmt: skip
     for name, kind in kinds.items():
         if not isinstance(row.get(name), kind):
@@ -592,7 +588,18 @@ def _storage_remedy(error: OSError) -> str:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, Real | np.bool_) or (isinstance(value, np.ndarray | xr.DataArray) and value.size == 1)
+    if isinstance(value, str | bytes) or value is None:
+        return False
+    try:
+        float(value)
+    except (TypeError, ValueError, OverflowError):
+        return False
+    return True
+
+
+def _clean(text: str) -> str:
+    """Text as netCDF can hold it."""
+    return text.replace("\0", "?").encode("utf-8", "replace").decode("utf-8")
 
 
 def _plain_value(value: Any) -> Any:
@@ -613,7 +620,7 @@ def _attributes(name: str, known: Mapping[str, tuple[str, str]]) -> dict[str, st
 def _results(values: list[Any]) -> np.ndarray:
     """Column of results; nan, or an empty text, where a case has none."""
     if any(isinstance(value, str) for value in values):
-        return np.array(["" if value is None else str(value) for value in values])
+        return np.array(["" if value is None else _clean(str(value)) for value in values])
     return np.array([math.nan if value is None else value for value in values], float)
 
 
@@ -622,4 +629,4 @@ def _column(values: list[Any]) -> np.ndarray:
         found = np.array(values)
         if found.dtype.kind in "bifu":
             return found
-    return np.array([str(value) for value in values])
+    return np.array([_clean(str(value)) for value in values])

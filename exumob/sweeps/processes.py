@@ -85,8 +85,7 @@ def _run_case(store: CaseStore, number: int) -> _Outcome:
             found = store.function(store.cases[number])
             values = _summary(found) if isinstance(found, xr.Dataset) else found
     except (Exception, _OutOfTime) as error:
-        reached = error.result if isinstance(error, SimulationError) else None
-        values = summary(reached) if isinstance(reached, xr.Dataset) and reached.sizes["time"] > 1 else {}
+        values = _until_then(error)
         if alarm.rang:  # it may come out of the solver as another error
             return _Outcome("out of time", f"it had not ended after {store.time_limit:g} s", values)
         if isinstance(error, SimulationError):
@@ -96,6 +95,17 @@ def _run_case(store: CaseStore, number: int) -> _Outcome:
         return _Outcome("failed", f"{type(error).__name__}: {error}")
     fault = fault_of_result(values, store.names)
     return _Outcome("failed", fault) if fault else _Outcome("completed", "", values, found)
+
+
+def _until_then(error: BaseException) -> dict[str, Any]:
+    """Key figures of what was computed until an error; none if it was next to nothing."""
+    reached = error.result if isinstance(error, SimulationError) else None
+    if not isinstance(reached, xr.Dataset) or reached.sizes.get("time", 0) < 2:
+        return {}
+    try:
+        return summary(reached)
+    except (KeyError, AttributeError):  # of a function of the user
+        return {}
 
 
 def _summary(found: xr.Dataset) -> dict[str, Any]:

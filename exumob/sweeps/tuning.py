@@ -22,7 +22,7 @@ from exumob.simulation.result_files import save_dataset
 from exumob.support.checks import require_positive, require_within
 from exumob.support.errors import SimulationError
 from exumob.support.provenance import parameters_json, provenance
-from exumob.sweeps.case_store import function_identity, write_text
+from exumob.sweeps.case_store import StorageError, write_text
 from exumob.sweeps.experiment import Experiment
 from exumob.sweeps.sampling import Case
 
