@@ -33,7 +33,7 @@ from exumob.support.files import atomic_write
 from exumob.support.provenance import package_version, provenance
 from exumob.sweeps.experiment import Experiment
 from exumob.sweeps.identity import differences, digest, file_text, identity, stable_repr
-from exumob.sweeps.sampling import Case
+from exumob.sweeps.sampling import ROW_BYTES, Case
 
 logger = logging.getLogger(__name__)
 
@@ -41,13 +41,11 @@ STATUSES = ("completed", "broke down", "refused", "failed", "out of time", "kill
 """How a case can end: with a result; with a `SimulationError`; with a ``ValueError`` on its values; with another error;
 stopped at its own time limit; with its process, twice."""
 
-Function = Callable[[Case], "xr.Dataset | Mapping[str, float | str]"]
+Function = Callable[[Case], xr.Dataset | Mapping[str, float | str]]
 """Takes the values of a case by name; returns a Dataset of `exumob.simulate` or numbers by name."""
 
 FORMAT = 2
 """Number of the layout of a sweep's files."""
-ROW_BYTES = 4096 + 512
-"""Room on the disk for a case: a block of its own, and its part of ``sweep.nc``."""
 STEP_BYTES = 1500
 """Room on the disk for an instant of a kept run."""
 OWN_NAMES = ("case", "status", "reason", "case_wall_time")
@@ -224,8 +222,8 @@ class CaseStore:
         if kept["code"] != wanted["code"]:
             names = sorted(n for n in {**kept["code"], **wanted["code"]} if kept["code"].get(n) != wanted["code"].get(n))
             raise ValueError(
-                f"{self.folder} holds results as they were before its source was changed ({', '.join(names)}); {remedy}"
-                f". If the change moves no result, remove {file} alone: what has ended is kept."
+                f"{self.folder} holds results as they were before its source was changed; {remedy}. Changed: "
+                f"{', '.join(names)}. If the change moves no result, remove {file} alone: what has ended is kept."
             )
 
     def _check_foreign(self) -> None:
@@ -393,7 +391,7 @@ class CaseStore:
             yield
         except OSError as error:
             raise StorageError(
-                f"{file} cannot be written ({error.strerror or error}); {_storage_remedy(error)}. What has ended is "
+                f"{file} cannot be written ({error.strerror or error}); {storage_remedy(error)}. What has ended is "
                 f"kept in {self.folder}: the same call goes on with it."
             ) from None
 
@@ -579,7 +577,8 @@ def _mark(file: Path) -> dict[str, Any] | None:
         return None
 
 
-def _storage_remedy(error: OSError) -> str:
+def storage_remedy(error: OSError) -> str:
+    """What to do about a disk that cannot be written."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return "make room on the disk"
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):

@@ -167,7 +167,8 @@ def test_grid_of_results_gets_its_dimensions():
 def test_variations_as_text():
     assert parse_variation("water.current_speed=0,0.5,1") == ("water.current_speed", [0, 0.5, 1])
     assert parse_variation("soil=LETE sand,Sandy loam 11 %") == ("soil", ["LETE sand", "Sandy loam 11 %"])
-    assert parse_variation("hull.mass=40:60:3") == ("hull.mass", [40.0, 50.0, 60.0])
+    name, values = parse_variation("hull.mass=40:60:3")
+    assert (name, list(values)) == ("hull.mass", [40.0, 50.0, 60.0])
     assert parse_variation("soil.n~normal(0.8, 0.1)") == ("soil.n", Normal(0.8, 0.1))
     for bad, word in (
         ("hull.mass", "write name=0,0.5,1"), ("a~normal(1", "write name"), ("a~magic(1)", "'magic' is not known"),

@@ -9,8 +9,9 @@ from types import SimpleNamespace
 import pytest
 
 from exumob.sweeps import run
-from exumob.sweeps.case_store import CaseStore, function_identity
+from exumob.sweeps.case_store import CaseStore
 from exumob.sweeps.experiment import amphibious_lane_change
+from exumob.sweeps.identity import identity
 from exumob.sweeps.run import _check_cases
 
 
@@ -89,7 +90,7 @@ def test_addresses_do_not_count(written, tmp_path):
     """Two objects that are alike, at different addresses."""
     module = written(FUNCTION.format(1))
     one, other = (functools.partial(module.answer, factor=SimpleNamespace(a=object())) for _ in range(2))
-    assert function_identity(one) == function_identity(other)
+    assert identity(one) == identity(other)
 
 
 def test_last_of_many_values_is_looked_at():
