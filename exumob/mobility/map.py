@@ -160,7 +160,8 @@ def compute_map(
     xarray.Dataset
         Dims (panel, y, x): probability, probability_low, probability_high (Wilson); means of the numbers of `judge`;
         failure (the most frequent of those that failed, index of `FAILURES`; -1: interpolated); runs (0: interpolated).
-        Attribute ``computed_share``: share of the nodes that were computed. Runs out of time or killed do not count (a
+        Attributes: ``computed_share``, the share of the nodes that were computed; ``runs_made``, ``runs_broke_down``,
+        ``runs_lost``, numbers of runs. Runs out of time or killed do not count (a
         warning counts them); the next call tries them again.
 
     Raises
@@ -175,6 +176,7 @@ def compute_map(
     limits = wanted.crossing.limits
     level = wanted.levels if full else 0
     lattice = Lattice(list(wanted.panels), wanted.x.values(level), wanted.y.values(level), limits.range_share)
+    counts = {"runs_made": 0, "runs_broke_down": 0, "runs_lost": 0}
     while True:
         pieces = 0
         while nodes := lattice.pending():
@@ -189,6 +191,9 @@ def compute_map(
                 again=("out of time", "killed"),
             )  # fmt: skip
             _check_rows(rows)
+            counts["runs_made"] += rows.sizes["case"]
+            counts["runs_broke_down"] += int((rows["failure"] == FAILURES.index("broke down")).sum())
+            counts["runs_lost"] += int(np.isin(rows["status"].values, ("out of time", "killed")).sum())
             lattice.fill(nodes, rows, len(factors))
             lattice.follow_border()
             pieces += 1
@@ -196,7 +201,7 @@ def compute_map(
             break
         level, lattice = level + 1, lattice.refined()
     result = lattice.dataset()
-    result.attrs |= provenance() | {
+    result.attrs |= provenance() | counts | {
         "title": "exumob mobility map", "random_seed": wanted.seed, "parameters": parameters_json({"map": wanted}),
         "draws": len(factors), "computed_share": float((lattice.runs > 0).mean()), "failures": ", ".join(FAILURES),
         "x": wanted.x.name, "y": wanted.y.name, "least_speed": limits.speed, "largest_drift": limits.drift,

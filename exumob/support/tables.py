@@ -1,8 +1,8 @@
 """Tables of numbers in text files (CSV): one reader for all, whatever program has written them.
 
-The first line holds the names of the columns, perhaps with units, ``x [m]``. Commas, semicolons or tabs part the columns;
-with semicolons or tabs a comma may stand for the decimal point. Text is UTF-8, with or without a mark at its begin
-(BOM), or UTF-16 with one. Empty lines and those that begin with ``#`` are left out.
+The first line holds the names of the columns, perhaps with units, ``x [m]``. Commas, semicolons or tabs part the
+columns; with semicolons or tabs a comma may stand for the decimal point. Text is UTF-8, with or without a mark at its
+begin (BOM), or UTF-16 with one. Empty lines and those that begin with ``#`` are left out.
 """
 
 from __future__ import annotations

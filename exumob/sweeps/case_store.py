@@ -29,6 +29,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.simulation.result_files import save_dataset
+from exumob.support.cost import spelled_size
 from exumob.support.files import atomic_write
 from exumob.support.provenance import package_version, provenance
 from exumob.sweeps.experiment import Experiment
@@ -191,8 +192,8 @@ class CaseStore:
             return None
         except (OSError, ValueError, RecursionError) as error:
             raise ValueError(
-                f"{file} cannot be read ({error}); remove it, and the same call goes on: every case that has ended says "
-                "itself what it belongs to."
+                f"{file} cannot be read ({error}); remove it, and the same call goes on: every case that has ended "
+                "says itself what it belongs to."
             ) from None
         wanted = {"format": int, "exumob": str, "number": int, "cases": str, "function": dict, "code": dict}
         if not isinstance(found, dict) or found.get("format", FORMAT) != FORMAT:
@@ -220,7 +221,8 @@ class CaseStore:
                 f"{self.folder} holds a sweep of exumob {kept['exumob']}, this is {wanted['exumob']}; {remedy}."
             )
         if kept["code"] != wanted["code"]:
-            names = sorted(n for n in {**kept["code"], **wanted["code"]} if kept["code"].get(n) != wanted["code"].get(n))
+            then, now = kept["code"], wanted["code"]
+            names = sorted(name for name in {**then, **now} if then.get(name) != now.get(name))
             raise ValueError(
                 f"{self.folder} holds results as they were before its source was changed; {remedy}. Changed: "
                 f"{', '.join(names)}. If the change moves no result, remove {file} alone: what has ended is kept."
@@ -248,8 +250,8 @@ class CaseStore:
             free = shutil.disk_usage(self.folder).free
         if need > free:
             raise StorageError(
-                f"{self.folder}: {left} cases need about {need / 1e6:.3g} MB, and the disk has {free / 1e6:.3g} MB left; "
-                "make room, or give a folder on another disk."
+                f"{self.folder}: {left} cases need about {spelled_size(need)}, and the disk has {spelled_size(free)} "
+                "left; make room, or give a folder on another disk."
             )
         if hasattr(os, "statvfs"):
             files = os.statvfs(self.folder)
@@ -368,12 +370,12 @@ class CaseStore:
             wrong = "was computed by another experiment or function"
         elif json.dumps(row["parameters"]) != case_text(self.cases[number]):
             case = json.loads(case_text(self.cases[number]))
-            texts = [{name: json.dumps(v) for name, v in values.items()} for values in (row["parameters"], case)]
-            wrong = f"is another case: {differences(*texts)}"
+            then, now = ({n: json.dumps(v) for n, v in values.items()} for values in (row["parameters"], case))
+            wrong = f"is another case: {differences(then, now)}"
         if wrong:
             raise ValueError(
-                f"{file} {wrong}. Its result is not taken for this case: give another folder, or remove the file to have "
-                "the case computed again."
+                f"{file} {wrong}. Its result is not taken for this case: give another folder, or remove the file to "
+                "have the case computed again."
             )
         return row
 
@@ -518,7 +520,7 @@ def fault_of_result(values: Any, parameters: Sequence[str]) -> str:
         if not isinstance(name, str) or not name or "/" in name:
             return f"the result {name!r} has no proper name; use a text without '/'"
         if name in OWN_NAMES or name in parameters:
-            return f"the result {name!r} has the name of {'a column' if name in OWN_NAMES else 'a parameter'}; rename it"
+            return f"the result {name!r} has a name that is taken by a parameter or a column; rename it"
         if not isinstance(value, str) and not _is_number(value):
             return f"the result {name} = {value!r:.80} is not a number; return one number for each name"
     return ""

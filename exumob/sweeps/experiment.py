@@ -181,7 +181,7 @@ class Experiment(Declared):
         self.check_names([name])
         if name == RATIO:
             return DeclaredField(name, float, DEPTH_RATIO, MISSING, "depth of the water over the tyre's diameter")
-        return _declared(type(self._owner(name))).get(name.rpartition(".")[2])
+        return _fields_of(type(self._owner(name))).get(name.rpartition(".")[2])
 
     def check_values(self, name: str, values: Iterable[Any]) -> None:
         """Raise ValueError if a value is refused by the declaration of its name; fast for many numbers.
@@ -243,12 +243,14 @@ class Experiment(Declared):
         known = MODELS if name == "hydrodynamics" else tuple(SETTINGS)
         if not isinstance(value, str) or value not in known:
             raise ValueError(f"{name} = {shown(value)} is not known; use {', '.join(map(repr, known))}.")
-        return replace(self, **{name: str(value)})
+        chosen: dict[str, Any] = {name: str(value)}
+        return replace(self, **chosen)
 
     def _with_member(self, value: Any) -> dict[str, Any]:
         if value is None:
             return {"member": None}
-        if isinstance(value, bool) or not isinstance(value, Real) or not 0 <= value < 1e6 or value != int(value):
+        whole = isinstance(value, int | float | np.number) and not isinstance(value, bool) and 0 <= value < 1e6
+        if not whole or value != int(value):
             raise ValueError(f"{MEMBER} = {shown(value)} must be the number of a network, a whole number >= 0.")
         chosen = "networks" if self.hydrodynamics == "auto" else self.hydrodynamics
         return {"hydrodynamics": chosen, "member": int(value)}
@@ -293,12 +295,14 @@ class Experiment(Declared):
             return self
         if self.member is not None or "hydrodynamics.member" in names:
             return replace(self, hydrodynamics="networks")
-        for name in GEOMETRY:
-            for value in {repr(case[name]): case[name] for case in cases if name in case}.values():
-                changed = self.with_values({name: value})
-                model = hydrodynamics_named("auto", changed.vehicle, changed._wet())
-                if not isinstance(model, SurrogateHydrodynamics):
-                    return replace(self, hydrodynamics="coefficients")
+        places = [name for name in GEOMETRY if name in names]
+        for values in {repr(v): v for v in ({n: case[n] for n in places if n in case} for case in cases)}.values():
+            try:
+                changed = self.with_values(values)
+            except ValueError:  # becomes a row
+                continue
+            if not isinstance(hydrodynamics_named("auto", changed.vehicle, changed._wet()), SurrogateHydrodynamics):
+                return replace(self, hydrodynamics="coefficients")
         fits = isinstance(hydrodynamics_named("auto", self.vehicle, self._wet()), SurrogateHydrodynamics)
         return replace(self, hydrodynamics="networks" if fits else "coefficients")
 
@@ -397,6 +401,10 @@ def _distinct(values: list[Any]) -> list[Any]:
         return values
 
 
-@functools.cache
-def _declared(owner: type) -> dict[str, DeclaredField]:
-    return {field.name: field for field in declared_fields(owner)} if is_dataclass(owner) else {}
+_FIELDS: dict[type, dict[str, DeclaredField]] = {}
+
+
+def _fields_of(owner: type) -> dict[str, DeclaredField]:
+    if owner not in _FIELDS:
+        _FIELDS[owner] = {f.name: f for f in declared_fields(owner)} if is_dataclass(owner) else {}
+    return _FIELDS[owner]

@@ -1,8 +1,8 @@
 """What distinguishes one sweep from another: the values that its function holds, the files that they name, the code.
 
-Values become texts by dotted name, so that an error can say what differs. Arrays count with all of their elements, files
-with their contents. Of the code, that of exumob counts as a whole; of the user's own the function counts, with every
-function, class, constant and module of the user that it names.
+Values become texts by dotted name, so that an error can say what differs. Arrays count with all of their elements,
+files with their contents. Of the code, that of exumob counts as a whole; of the user's own the function counts, with
+every function, class, constant and module of the user that it names.
 """
 
 from __future__ import annotations

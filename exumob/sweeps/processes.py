@@ -112,7 +112,7 @@ def _summary(found: xr.Dataset) -> dict[str, Any]:
     try:
         return summary(found)
     except (KeyError, AttributeError) as error:
-        raise TypeError(f"it returned a Dataset that is no result of simulate ({error}); return numbers by name") from None
+        raise TypeError(f"it returned a Dataset that is none of simulate ({error}); return numbers by name") from None
 
 
 class _Alarm:

@@ -107,9 +107,9 @@ def sweep(
         raise ValueError(f"sweep.again: {unknown[0]!r} is no status; use {', '.join(STATUSES)}.")
     if isinstance(function, Experiment):
         cases = [function.typed(case) for case in cases]
-        _check_cases(function, cases)
+        fitting = _check_cases(function, cases)
         function = function.with_one_model(cases)
-        function.with_values(cases[0]).check()
+        function.with_values(fitting).check()
     store = CaseStore(Path(folder), function, cases, time_limit, keep_runs)
     with store.locked():
         store.prepare(again)
@@ -152,16 +152,22 @@ def need(function: Function, cases: Sequence[Case], workers: int = 2, keep_runs:
     """Estimate what a sweep will take, from what the runs of an `Experiment` were measured to take."""
     time = math.nan
     if isinstance(function, Experiment):
-        length = {"duration": function.duration, "setting": function.setting}
-        time = sum(
-            float(case.get("duration", length["duration"])) * COST.get(case.get("setting", length["setting"]), math.nan)
-            for case in cases
-        ) / min(workers, cores())  # fmt: skip
+        usual: Case = {"duration": function.duration, "setting": function.setting}
+        each = ((usual | case)["duration"] * COST.get((usual | case)["setting"], math.nan) for case in cases)
+        try:
+            time = float(sum(each)) / max(1, min(workers, cores()))
+        except (TypeError, OverflowError):  # refused later
+            time = math.nan
     return Need(len(cases), time, room_needed(function, len(cases), keep_runs))
 
 
-def _check_cases(experiment: Experiment, cases: Sequence[Case]) -> None:
+def _check_cases(experiment: Experiment, cases: Sequence[Case]) -> Case:
     """Check every name and every value by itself; what only some combinations forbid becomes a row, with a warning.
+
+    Returns
+    -------
+    dict
+        The first case whose values fit each other.
 
     Raises
     ------
@@ -176,6 +182,7 @@ def _check_cases(experiment: Experiment, cases: Sequence[Case]) -> None:
     for name in cases[0]:
         experiment.check_values(name, [case[name] for case in cases])
     refused: list[tuple[Case, ValueError]] = []
+    fitting: Case | None = None
     steps = [name for name in (*STEPS, "setting") if name in cases[0]]
     tried: set[Any] = set()
     for case in cases if len(cases) <= TRIED_CASES else cases[:1]:
@@ -184,9 +191,10 @@ def _check_cases(experiment: Experiment, cases: Sequence[Case]) -> None:
             if (key := tuple(case[name] for name in steps)) not in tried:
                 changed.check_steps()
             tried.add(key)
+            fitting = case if fitting is None else fitting
         except ValueError as error:
             refused.append((case, error))
-    if len(refused) == len(cases) or (refused and len(cases) > TRIED_CASES):
+    if fitting is None:
         raise refused[0][1]
     if refused:
         example = ", ".join(f"{name} = {value}" for name, value in refused[0][0].items())
@@ -194,3 +202,4 @@ def _check_cases(experiment: Experiment, cases: Sequence[Case]) -> None:
             "sweep: %d of %d cases cannot be run, their values do not fit each other; the first, %s: %s", len(refused),
             len(cases), example, refused[0][1],
         )  # fmt: skip
+    return fitting

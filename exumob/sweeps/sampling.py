@@ -83,8 +83,8 @@ class Normal(Declared):
         far = max((self.low - self.mean) / self.deviation, (self.mean - self.high) / self.deviation)
         if far > 30.0:
             raise ValueError(
-                f"Normal.low = {self.low}, high = {self.high} cut off all but the farthest end of the bell about mean = "
-                f"{self.mean}, {far:.3g} deviations away; move the ends, or use another distribution."
+                f"Normal.low = {self.low}, high = {self.high} cut off all but the farthest end of the bell about mean "
+                f"= {self.mean}, {far:.3g} deviations away; move the ends, or use another distribution."
             )
 
     def quantile(self, share: Array) -> NDArray[Any]:
@@ -193,8 +193,8 @@ def require_room_for(owner: str, number: int, names: int) -> None:
         raise ValueError(
             f"{owner}: {_spelled(number)} cases are too many (about {spelled_size(needed)} of memory, "
             f"{spelled_size(float(min(number, 10**18)) * ROW_BYTES)} on the disk, and one case a second takes "
-            f"{spelled_time(float(min(number, 10**18)))}); give {MOST_CASES:,} at most, or draw samples instead of a full "
-            "grid."
+            f"{spelled_time(float(min(number, 10**18)))}); give {MOST_CASES:,} at most, or draw samples instead of a "
+            "full grid."
         )
     require_memory(f"{owner}: {number:,} cases of {names} values", needed, "give fewer.")
 

@@ -208,7 +208,8 @@ def _study(text: Mapping[str, Any], folder: Path) -> tuple[Experiment, list[Case
             _known(f"vary.{name}", value, RANGE)
             lists[name] = _range(f"vary.{name}", *(value.get(key) for key in RANGE))
         else:
-            lists[name] = [tuple(v) if isinstance(v, list) else v for v in value] if isinstance(value, list) else [value]
+            several = value if isinstance(value, list) else [value]
+            lists[name] = [tuple(v) if isinstance(v, list) else v for v in several]
     drawn = _table("sample", text.get("sample", {}))
     _known("sample", drawn, SAMPLE)
     given = _flat("sample.distributions", _table("sample.distributions", drawn.get("distributions", {})))
@@ -300,8 +301,8 @@ def _range(name: str, begin: Any, end: Any, number: Any) -> Range:
         number = int(number)
     if not numbers or not isinstance(number, int) or number < 1:
         raise ValueError(
-            f"{name}: a range needs two numbers and how many values (from, to, number), not {shown(begin)}, {shown(end)}, "
-            f"{shown(number)}."
+            f"{name}: a range needs two numbers and how many values (from, to, number), not {shown(begin)}, "
+            f"{shown(end)}, {shown(number)}."
         )
     if max(abs(begin), abs(end)) > 1e300 or not math.isfinite(begin + end):
         raise ValueError(f"{name}: the ends of a range, {shown(begin)} and {shown(end)}, must be finite numbers.")
@@ -315,8 +316,8 @@ def _distribution(name: str, value: Any) -> Distribution:
         return Choice(tuple(value))
     if not isinstance(value, dict) or len(value) != 1:
         raise ValueError(
-            f"{name} = {shown(value)}: a distribution is a list of values, or one of {', '.join(DISTRIBUTIONS)}, such as "
-            "{ uniform = [0.4, 0.6] }."
+            f"{name} = {shown(value)}: a distribution is a list of values, or one of {', '.join(DISTRIBUTIONS)}, such "
+            "as { uniform = [0.4, 0.6] }."
         )
     ((kind, parameters),) = value.items()
     _known(name, value, (*DISTRIBUTIONS, "choice"))

@@ -213,8 +213,8 @@ def _writing(file: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise StorageError(
-            f"{file} cannot be written ({error.strerror or error}); {storage_remedy(error)}. The evaluations until then "
-            "are kept: the same call goes on with them."
+            f"{file} cannot be written ({error.strerror or error}); {storage_remedy(error)}. The evaluations until "
+            "then are kept: the same call goes on with them."
         ) from None
 
 
