@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, make_interp_spline
 
-from exumob.support.declared import Declared
+from exumob.support.declared import Declared, checked
 from exumob.support.quantities import Quantity
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Motion, Vehicle
@@ -183,16 +183,22 @@ class Recorded:
         If shapes differ, times do not increase from 0, or the wheels do not start at rest.
     """
 
-    def __init__(self, time: ArrayLike, steering: ArrayLike, wheel_speed: ArrayLike) -> None:
+    @checked
+    def __init__(
+        self,
+        time: Annotated[ArrayLike, Quantity("s", at_least=0.0, at_most=1e6, shape=("n",))],
+        steering: Annotated[
+            ArrayLike, Quantity("rad", at_least=-math.radians(80.0), at_most=math.radians(80.0), shape=("n",))
+        ],
+        wheel_speed: Annotated[ArrayLike, Quantity("rad/s", at_least=-1e4, at_most=1e4, shape=("n",))],
+    ) -> None:
         """Fit the splines."""
-        t, angle, speed = (np.asarray(a, dtype=float) for a in (time, steering, wheel_speed))
-        if t.ndim != 1 or len(t) < 4 or t.shape != angle.shape or t.shape != speed.shape:
+        t, angle, speed = np.asarray(time), np.asarray(steering), np.asarray(wheel_speed)
+        if len(t) < 4 or t.shape != angle.shape or t.shape != speed.shape:
             raise ValueError(
                 f"Recorded: time {t.shape}, steering {angle.shape} and wheel_speed {speed.shape} must be equally long "
                 "series of at least 4 samples."
             )
-        if not (np.isfinite(t).all() and np.isfinite(angle).all() and np.isfinite(speed).all()):
-            raise ValueError("Recorded: a sample is not finite; remove or fill the gaps.")
         if t[0] != 0.0 or (np.diff(t) <= 0.0).any():
             raise ValueError("Recorded.time must increase from 0 s; shift or sort the samples.")
         if speed[0] != 0.0:

@@ -18,7 +18,7 @@ AXIS_NAMES = {
     "water.current_speed": "current [m/s]", "water.depth_ratio": "depth over tyre diameter", "water.depth": "depth [m]",
 }  # fmt: skip
 """Labels of the axes, by dotted name."""
-FAILURE_COLORS = ("none", "0.25", "C0", "C4", "C5", "C3", "C1", "C6", "0.6")
+FAILURE_COLORS = ("none", "0.25", "C0", "C4", "C5", "C3", "C1", "C6", "0.6", "C9", "C8")
 """Colours of failures, by index of `exumob.mobility.crossing.FAILURES`."""
 
 

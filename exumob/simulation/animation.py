@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -13,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
 from exumob.simulation.plotting import _parameters, draw_current, plot_path, scenario_name, vehicle_outlines
+from exumob.support.cost import require_frames
 from exumob.support.figures import BODY_COLOR, SOIL_COLOR, STYLE, WATER_COLOR
 from exumob.vehicle.parameters import Hull
 
@@ -36,6 +38,10 @@ def animate_run(dataset: xr.Dataset, file: str | Path, frames_per_second: int = 
     else:
         raise ValueError(f"animation {path}: the ending {path.suffix!r} is not known; use .gif or .mp4.")
     times = dataset["time"].values
+    if not 0.0 < frames_per_second <= 1000.0:
+        raise ValueError(f"animate_run.frames_per_second = {frames_per_second} must be > 0 and <= 1000; give 12, say.")
+    remedy = "give a shorter run, or fewer frames_per_second."
+    require_frames("animate_run", math.ceil(float(times[-1]) * frames_per_second), 720 * 384, remedy)
     frames = np.searchsorted(times, np.arange(0.0, times[-1] + 1e-9, 1.0 / frames_per_second))
     frames = np.minimum(frames, len(times) - 1)
     with plt.rc_context(STYLE):

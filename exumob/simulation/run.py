@@ -16,10 +16,12 @@ from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.driving.maneuver import Maneuver, lane_change
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
+from exumob.multibody.applied_loads import vehicle_loads
 from exumob.multibody.settling import SETTLING_STEP
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.checkpoint import Checkpoints, Fingerprint
 from exumob.simulation.checks import check_described, check_maneuver, check_steps
+from exumob.simulation.cost import prepare
 from exumob.simulation.description import RunDescription, Steps
 from exumob.simulation.results import build_dataset
 from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, setting_named
@@ -27,6 +29,7 @@ from exumob.simulation.stop_request import StopRequest
 from exumob.simulation.water_models import DEFAULT_MODEL, hydrodynamics_named
 from exumob.support import quantities
 from exumob.support.arrays import Array
+from exumob.support.compiled import say_compilation
 from exumob.support.declared import checked
 from exumob.support.errors import SimulationError, SimulationInterrupted
 from exumob.support.quantities import STEP
@@ -126,11 +129,12 @@ def simulate(  # one argument a part of the run; all but two have defaults
             "simulate.terrain: the water models know a flat bed at z = 0 only; leave out the water, or use the default "
             "terrain."
         )
-    check_maneuver(vehicle, maneuver, duration)
+    commands = check_maneuver(vehicle, maneuver, duration)
     run = RunDescription(
         vehicle, soil, water, terrain, maneuver, hydrodynamics,
         (SemiImplicit() if in_loop else Explicit()) if coupling is None else coupling, steps,
     )  # fmt: skip
+    prepare(run, commands, None if checkpoint is None else Path(checkpoint))
     store = None
     if checkpoint is not None:
         check_described(maneuver)
@@ -144,6 +148,7 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
     """Settle the vehicle, or go on from a checkpoint, and take the macro steps (paper Fig. 2)."""
     steps, hydrodynamics, scheme = run.steps, run.hydrodynamics, run.coupling
     began = time.perf_counter()
+    say_compilation("the vehicle model", vehicle_loads, "half a minute to a minute")
     model = MultibodyVehicle(
         run.vehicle, run.soil, run.maneuver, run.terrain, steps.micro_step, steps.duration, steps.record_step
     )
@@ -157,10 +162,10 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
         hydrodynamics.start(run.vehicle, run.water, steps.macro_step)
     settled = time.perf_counter()
 
-    def result(status: str) -> xr.Dataset:
+    def result(status: str, cause: str = "") -> xr.Dataset:
         earlier = 0.0 if store is None else store.elapsed
         walls = {"wall_time": earlier + time.perf_counter() - settled, "settling_wall_time": settled - began}
-        return build_dataset(model, run, status, walls)
+        return build_dataset(model, run, status, walls, cause)
 
     stop = StopRequest()
     try:
@@ -173,7 +178,7 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
                     progress(model.time)
                 stop.check()
     except SimulationError as error:
-        error.result = result(f"broke down at {model.time:.4f} s: {error}")
+        error.result = result(f"broke down at {model.time:.4f} s: {error}", error.cause)
         _keep(store, model, run)
         raise
     except KeyboardInterrupt:

@@ -18,6 +18,10 @@ WORTH_SAYING = 20.0
 """Time from which a run says beforehand what it takes [s]."""
 LONG = 600.0
 """Time from which it says so as a warning, which Python shows by default [s]."""
+MOST_FRAMES = 20_000
+"""Frames of an animation; half an hour at 12 a second."""
+TIME_PER_FRAME = 0.1
+"""Time to draw one [s]."""
 CONTROL_GROUPS = Path("/sys/fs/cgroup")
 UNITS = ((365.25 * 86400.0, "years"), (86400.0, "days"), (3600.0, "h"), (60.0, "min"))
 
@@ -123,6 +127,33 @@ def require_disk(what: str, needed: float, folder: Path, remedy: str) -> None:
         raise ValueError(
             f"{what}: up to {spelled_size(needed)} on the disk of {folder}, where {spelled_size(free)} are free; "
             f"{remedy}"
+        )
+
+
+def require_frames(what: str, frames: int, pixels: int, remedy: str) -> None:
+    """Refuse an animation that cannot be drawn: all frames of a GIF are in memory at once.
+
+    Parameters
+    ----------
+    what : str
+        The function that draws it.
+    frames : int
+        Number of frames.
+    pixels : int
+        Pixels of one.
+    remedy : str
+        What to do instead.
+
+    Raises
+    ------
+    ValueError
+        If memory cannot hold the frames, or there are more than `MOST_FRAMES`.
+    """
+    require_memory(f"{what}: {frames:,} frames", 8.0 * frames * pixels, remedy)
+    if frames > MOST_FRAMES:
+        raise ValueError(
+            f"{what}: {frames:,} frames would take about {spelled_time(frames * TIME_PER_FRAME)} to draw, more than "
+            f"{MOST_FRAMES:,} are not drawn; {remedy}"
         )
 
 

@@ -236,8 +236,12 @@ def _kind_of(hint: Any, quantity: Quantity | None) -> _Kind:
 
 
 def _refused(name: str, value: Any, wanted: str) -> ValueError:
-    kind = "" if value is None or isinstance(value, str | Real) else f", a {type(value).__name__},"
-    return ValueError(f"{name} = {shown(value)}{kind} must be {wanted}.")
+    return ValueError(f"{name} = {_with_type(value)} must be {wanted}.")
+
+
+def _with_type(value: Any) -> str:
+    plain = value is None or isinstance(value, str | Real | type)
+    return shown(value) if plain else f"{shown(value)} ({type(value).__name__})"
 
 
 def _either(kinds: list[_Kind]) -> _Kind:
@@ -394,8 +398,8 @@ def _protocol(owner: type) -> _Kind:
         lacking = missing(value)
         if lacking:
             raise ValueError(
-                f"{name} = {shown(value)}, a {type(value).__name__}, has no {' and no '.join(lacking[:3])}; it must be "
-                f"a {owner.__name__} ({owner.__module__}.{owner.__name__} says what that is)."
+                f"{name} = {_with_type(value)} has no {' and no '.join(lacking[:3])}; it must be a "
+                f"{owner.__name__} ({owner.__module__}.{owner.__name__} says what that is)."
             )
         return value
 

@@ -23,6 +23,7 @@ from typing import Any
 import xarray as xr
 
 from exumob.simulation.summary import summary
+from exumob.simulation.verdict import verdict_of_error
 from exumob.support.errors import SimulationError
 from exumob.sweeps.case_store import CaseStore, StorageError, fault_of_result
 
@@ -89,7 +90,7 @@ def _run_case(store: CaseStore, number: int) -> _Outcome:
         if alarm.rang:  # it may come out of the solver as another error
             return _Outcome("out of time", f"it had not ended after {store.time_limit:g} s", values)
         if isinstance(error, SimulationError):
-            return _Outcome("broke down", str(error), values)
+            return _Outcome("broke down", str(error), values | verdict_of_error(error).figures())
         if isinstance(error, ValueError):
             return _Outcome("refused", str(error))
         return _Outcome("failed", f"{type(error).__name__}: {error}")

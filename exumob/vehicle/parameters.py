@@ -18,6 +18,8 @@ from exumob.support.checks import require_within
 from exumob.support.declared import Declared
 from exumob.support.quantities import ImplausibleValue, Quantity, Unusual
 
+SLOWEST_HEAVE = 0.2
+"""Slowest plausible heave of a hull on its springs [Hz]; cars have 1 to 2, small models 3 to 10."""
 Motion = tuple[float, float, float]
 """A value and its first and second time derivatives."""
 
@@ -253,6 +255,14 @@ class Vehicle(Declared):
                 f"diameter ({self.wheel.diameter:g} m) and width ({self.wheel.width:g} m): its wheels would overlap. "
                 "Move the axles apart or give smaller wheels."
             )
+        for suspension in self.axle_suspensions:
+            frequency = math.sqrt(4.0 * suspension.stiffness / self.hull.mass) / (2.0 * math.pi)
+            if frequency < SLOWEST_HEAVE and not isinstance(suspension.stiffness, Unusual):
+                raise ImplausibleValue(
+                    f"Suspension.stiffness = {suspension.stiffness:g} N/m lets {self.hull.mass:g} kg heave at "
+                    f"{frequency:.2g} Hz; is it in N/mm? Then give {1e3 * suspension.stiffness:g} N/m. If it is meant: "
+                    f"stiffness=unusual({suspension.stiffness:g})."
+                )
         front = self.front_load_share
         if not 0.05 <= front <= 0.95:
             raise ValueError(
