@@ -29,6 +29,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.simulation.result_files import save_dataset
+from exumob.simulation.summary import FIGURES
 from exumob.support.cost import spelled_size
 from exumob.support.files import atomic_write
 from exumob.support.provenance import package_version, provenance
@@ -392,9 +393,10 @@ class CaseStore:
         try:
             yield
         except OSError as error:
+            kept = any((self.folder / "cases").glob("[0-9]*.json"))
             raise StorageError(
-                f"{file} cannot be written ({error.strerror or error}); {storage_remedy(error)}. What has ended is "
-                f"kept in {self.folder}: the same call goes on with it."
+                f"{file} cannot be written ({error.strerror or error}); {storage_remedy(error)}."
+                + (f" What has ended is kept in {self.folder}: the same call goes on with it." if kept else "")
             ) from None
 
     @contextlib.contextmanager
@@ -444,7 +446,7 @@ class CaseStore:
         except _Torn as torn:
             raise ValueError(f"{torn}; the same call runs the case again.") from None
         names = sorted({name for row in rows for name in row["values"]})
-        known = _known_variables(self.function)
+        known = _known_variables(self.function, self.cases[0], any(row["run"] for row in rows))
         found = {
             name: ("case", _results([row["values"].get(name) for row in rows]), _attributes(name, known))
             for name in names
@@ -585,6 +587,8 @@ def storage_remedy(error: OSError) -> str:
         return "make room on the disk"
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return "give a folder that can be written"
+    if error.errno in (errno.EEXIST, errno.ENOTDIR):
+        return "a file is in the place of the folder; give another folder"
     return "look after the disk, or give another folder"
 
 
@@ -609,12 +613,20 @@ def _plain_value(value: Any) -> Any:
     return file_text(value) if isinstance(value, Path) else stable_repr(value)
 
 
-def _known_variables(function: Any) -> dict[str, tuple[str, str]]:
-    return {}
+def _known_variables(function: Any, case: Case, runs: bool) -> dict[str, tuple[str, str]]:
+    """Unit and meaning by name: of key figures of runs, of the parameters of an `Experiment`, of what is stated."""
+    known = dict(FIGURES) if runs else {}
+    experiment = function if isinstance(function, Experiment) else getattr(function, "experiment", None)
+    if isinstance(experiment, Experiment):
+        known |= {name: experiment.meaning(name, case) for name in case}
+    stated = getattr(function, "variables", None)
+    if isinstance(stated, Mapping):
+        known |= {str(name): (str(unit), str(meaning)) for name, (unit, meaning) in stated.items()}
+    return known
 
 
 def _attributes(name: str, known: Mapping[str, tuple[str, str]]) -> dict[str, str]:
-    units, meaning = known.get(name, ("1", name))
+    units, meaning = known.get(name, ("unknown", name))
     return {"units": units, "long_name": meaning}
 
 

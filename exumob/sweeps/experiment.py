@@ -183,6 +183,15 @@ class Experiment(Declared):
             return DeclaredField(name, float, DEPTH_RATIO, MISSING, "depth of the water over the tyre's diameter")
         return _fields_of(type(self._owner(name))).get(name.rpartition(".")[2])
 
+    def meaning(self, name: str, case: Mapping[str, Any] | None = None) -> tuple[str, str]:
+        """Unit, as netCDF writes it, and meaning of a name in the cases of a sweep, of which `case` is one."""
+        maneuver = {} if case is None else {"maneuver": case["maneuver"]} if "maneuver" in case else {}
+        found = self.with_values(maneuver).declaration(name)
+        if found is None:
+            return "1", name
+        unit = "1" if found.quantity is None else netcdf_unit(found.quantity.unit)
+        return unit, found.meaning.split("\n")[0] or name
+
     def check_values(self, name: str, values: Iterable[Any]) -> None:
         """Raise ValueError if a value is refused by the declaration of its name; fast for many numbers.
 
@@ -367,6 +376,16 @@ def _leaves(thing: Any) -> list[str]:
         else:
             found.append(f.name)
     return found
+
+
+def netcdf_unit(unit: str) -> str:
+    """Unit as netCDF writes it: ``kg m-3`` for ``kg/m^3``."""
+    above, *below = unit.split("/")
+    parts = [above.replace("^", "")]
+    for part in below:
+        base, _, power = part.partition("^")
+        parts.append(f"{base}-{power or 1}")
+    return " ".join(parts).removeprefix("1 ") if below else parts[0]
 
 
 class _Changes(dict[str, Any]):

@@ -72,11 +72,11 @@ def differences(kept: Mapping[str, str], wanted: Mapping[str, str], most: int = 
 
 
 def file_text(file: Path) -> str:
-    """Path of a file with a digest of its contents; the path alone if there is no file."""
+    """Name of a file with a digest of its contents, wherever it lies; the path alone if there is no file."""
     if not file.is_file():
         return str(file)
     about = file.stat()
-    return f"{file} ({_contents(file, about.st_mtime_ns, about.st_size, about.st_ino)})"
+    return f"{file.name} ({_contents(file, about.st_mtime_ns, about.st_size, about.st_ino)})"
 
 
 @functools.lru_cache(256)

@@ -88,9 +88,10 @@ def _run_case(store: CaseStore, number: int) -> _Outcome:
     except (Exception, _OutOfTime) as error:
         values = _until_then(error)
         if alarm.rang:  # it may come out of the solver as another error
+            values = {name: value for name, value in values.items() if not name.startswith("verdict")}
             return _Outcome("out of time", f"it had not ended after {store.time_limit:g} s", values)
         if isinstance(error, SimulationError):
-            return _Outcome("broke down", str(error), values | verdict_of_error(error).figures())
+            return _Outcome("broke down", str(error), values)
         if isinstance(error, ValueError):
             return _Outcome("refused", str(error))
         return _Outcome("failed", f"{type(error).__name__}: {error}")
@@ -100,12 +101,13 @@ def _run_case(store: CaseStore, number: int) -> _Outcome:
 
 def _until_then(error: BaseException) -> dict[str, Any]:
     """Key figures of what was computed until an error; none if it was next to nothing."""
-    reached = error.result if isinstance(error, SimulationError) else None
-    if not isinstance(reached, xr.Dataset) or reached.sizes.get("time", 0) < 2:
+    if not isinstance(error, SimulationError):
         return {}
+    reached = error.result
     try:
-        return summary(reached)
-    except (KeyError, AttributeError):  # of a function of the user
+        values = summary(reached) if reached is not None and reached.sizes.get("time", 0) > 1 else {}
+        return values | verdict_of_error(error).figures()
+    except (KeyError, AttributeError, ValueError):  # a result of the user's own kind
         return {}
 
 
