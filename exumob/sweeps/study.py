@@ -195,15 +195,16 @@ def _study(text: Mapping[str, Any], folder: Path) -> tuple[Experiment, list[Case
     unusual_values = text.get("unusual", False)
     if not isinstance(unusual_values, bool):
         raise ValueError(f"unusual = {shown(unusual_values)} must be true or false.")
-    base = _flat("base", _table("base", text.get("base", {})))
     experiment = amphibious_lane_change()
+    names = frozenset(experiment.names()) - {*PARTS}
+    base = _flat("base", _table("base", text.get("base", {})), names)
     if "vehicle" in base:
         vehicle = base.pop("vehicle")
         if not isinstance(vehicle, str):
             raise ValueError(f'base.vehicle = {shown(vehicle)} must be the name of a file, such as "my_vehicle.py".')
         experiment = replace(experiment, vehicle=load_vehicle(folder / vehicle))
     lists: dict[str, Sequence[Any]] = {}
-    for name, value in _flat("vary", _table("vary", text.get("vary", {}))).items():
+    for name, value in _flat("vary", _table("vary", text.get("vary", {})), names).items():
         if isinstance(value, dict):
             _known(f"vary.{name}", value, RANGE)
             lists[name] = _range(f"vary.{name}", *(value.get(key) for key in RANGE))
@@ -212,7 +213,7 @@ def _study(text: Mapping[str, Any], folder: Path) -> tuple[Experiment, list[Case
             lists[name] = [tuple(v) if isinstance(v, list) else v for v in several]
     drawn = _table("sample", text.get("sample", {}))
     _known("sample", drawn, SAMPLE)
-    given = _flat("sample.distributions", _table("sample.distributions", drawn.get("distributions", {})))
+    given = _flat("sample.distributions", _table("sample.distributions", drawn.get("distributions", {})), names)
     distributions = {name: _distribution(name, value) for name, value in given.items()}
     for name in lists:
         if name in distributions:
@@ -304,6 +305,7 @@ def _range(name: str, begin: Any, end: Any, number: Any) -> Range:
             f"{name}: a range needs two numbers and how many values (from, to, number), not {shown(begin)}, "
             f"{shown(end)}, {shown(number)}."
         )
+    require_room_for(name, number, 1)
     if max(abs(begin), abs(end)) > 1e300 or not math.isfinite(begin + end):
         raise ValueError(f"{name}: the ends of a range, {shown(begin)} and {shown(end)}, must be finite numbers.")
     if number > 1 and begin == end:
@@ -340,14 +342,14 @@ def _table(name: str, value: Any) -> Mapping[str, Any]:
     return value
 
 
-def _flat(where: str, table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
-    """Leaves of nested tables by dotted name; the table of a range or a distribution is a leaf."""
+def _flat(where: str, table: Mapping[str, Any], names: frozenset[str], above: str = "") -> dict[str, Any]:
+    """Leaves of nested tables by dotted name; the table of a range or a distribution, below one of `names`, is one."""
     found: dict[str, Any] = {}
     leaves = {*DISTRIBUTIONS, "choice", *RANGE}
     for name, value in table.items():
         inner = {above + name: value}
-        if isinstance(value, dict) and value and not set(value) <= leaves:
-            inner = _flat(where, value, f"{above}{name}.")
+        if isinstance(value, dict) and value and not set(value) <= leaves and above + name not in names:
+            inner = _flat(where, value, names, f"{above}{name}.")
         for leaf in inner:
             if leaf in found:
                 raise ValueError(f"{where}: {leaf} is given twice; keep one of them.")
