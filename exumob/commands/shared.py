@@ -35,7 +35,7 @@ class Bar(Protocol):
 
 
 class ProgressLines:
-    """Progress where no terminal is: a line at the begin, and one whenever another tenth is done.
+    """Progress where no terminal is: a line at the first word of it, and one whenever another tenth is done.
 
     Parameters
     ----------
@@ -46,12 +46,11 @@ class ProgressLines:
     """
 
     def __init__(self, description: str, total: float, amount: Callable[[float, float], str]) -> None:
-        """Say the first line."""
+        """Say nothing yet: bad input may still be found."""
         self.description, self.total, self.amount = description, total, amount
         self.completed = 0.0
         self._tenths = -1
         self._began: tuple[float, float] | None = None
-        self._say()
 
     def update(
         self, task_id: TaskID, *, completed: float | None = None, advance: float | None = None,

@@ -76,11 +76,12 @@ def sweep_command(  # one argument an option of the command line
             experiment, cases = from_options(
                 vehicle, [f"setting={setting.value}", *(fixed or [])], vary or [], samples, seed, unusual
             )
-        errors.print(f"sweep of {need(experiment, cases, workers, keep_runs)}", soft_wrap=True)
         with counting_bar("sweep", len(cases), "cases") as (bar, task):
 
             def progress(reached: Progress) -> None:
-                kept[:] = [reached.kept]
+                if not kept:  # all is checked
+                    kept.append(reached.kept)
+                    errors.print(f"sweep of {need(experiment, cases, workers, keep_runs)}", soft_wrap=True)
                 bar.update(task, completed=reached.done)
 
             result = sweep(

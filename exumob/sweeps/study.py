@@ -38,6 +38,7 @@ from exumob.support.quantities import shown, unusual
 from exumob.sweeps.experiment import PARTS, Experiment, amphibious_lane_change
 from exumob.sweeps.sampling import (
     DISTRIBUTIONS,
+    SEED,
     Case,
     Choice,
     Distribution,
@@ -91,6 +92,7 @@ def from_options(
     ValueError
         If an option cannot be read, or a name or value is not known.
     """
+    SEED.check("--seed", seed)
     base = amphibious_lane_change()
     if vehicle is not None:
         base = replace(base, vehicle=load_vehicle(vehicle))

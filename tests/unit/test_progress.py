@@ -7,7 +7,7 @@ from exumob.commands.sweep import exit_code
 
 
 def test_lines_take_the_place_of_a_bar(capsys):
-    """One at the begin, one at every tenth, however often it is told."""
+    """One at the first word, one at every tenth, however often it is told."""
     with shared.counting_bar("sweep", 200, "cases") as (bar, task):
         for done in range(201):
             bar.update(task, completed=done)
@@ -26,7 +26,7 @@ def test_lines_begin_anew_with_another_total(capsys):
         bar.update(task, advance=4)
     lines = [line.split(",")[0] for line in capsys.readouterr().err.splitlines()]
     assert lines == [
-        "map: 0 % (0 of 1 runs)", "level0: 0 % (0 of 2 runs)", "level0: 100 % (2 of 2 runs)",
+        "level0: 0 % (0 of 2 runs)", "level0: 100 % (2 of 2 runs)",
         "level1: 0 % (0 of 4 runs)", "level1: 100 % (4 of 4 runs)",
     ]  # fmt: skip
 
@@ -37,7 +37,9 @@ def test_simulated_time_in_lines(capsys):
             reached(n / 100)
     lines = capsys.readouterr().err.splitlines()
     assert (
-        len(lines) == 11 and lines[0] == "settling: 0 % (-2.00 of 8 s)" and lines[-1] == "driving: 100 % (8.00 of 8 s)"
+        len(lines) == 11
+        and lines[0] == "spin-up of the water: 0 % (-2.00 of 8 s)"
+        and lines[-1] == "driving: 100 % (8.00 of 8 s)"
     )
     assert lines[1].startswith("spin-up of the water: 10 % (-1.00 of 8 s)")
 
