@@ -230,7 +230,9 @@ class CaseStore:
             )
 
     def _check_foreign(self) -> None:
-        """Raise ValueError if a file among the cases is none of this sweep."""
+        """Raise ValueError if a file among the cases is none of this sweep, or the place of the result is taken."""
+        if (self.folder / "sweep.nc").is_dir():
+            raise ValueError(f"{self.folder / 'sweep.nc'} is a folder, and the result is to go there; move it away.")
         with os.scandir(self.folder / "cases") as entries:
             files = {e.name: e.is_file() for e in entries if e.name.endswith(".json") and not e.name.startswith(".")}
         foreign = sorted(

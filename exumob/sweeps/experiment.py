@@ -18,6 +18,7 @@ from exumob.driving.maneuver import ConstantSteer, LaneChange, Maneuver, lane_ch
 from exumob.driving.path_following import PathFollowing
 from exumob.ground.soil import Soil
 from exumob.simulation.checks import check_steps
+from exumob.simulation.cost import require_room
 from exumob.simulation.description import Steps
 from exumob.simulation.run import simulate
 from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, SETTINGS, setting_named
@@ -323,11 +324,13 @@ class Experiment(Declared):
             network.check_vehicle(self.vehicle)
 
     def check_steps(self) -> None:
-        """Raise ValueError if the steps do not fit each other."""
+        """Raise ValueError if the steps do not fit each other, or the record does not fit into memory."""
         setting = setting_named(self.setting)
         micro = setting.micro_step if self.micro_step is None else self.micro_step
         macro = setting.macro_step if self.macro_step is None else self.macro_step
-        check_steps(Steps(duration=self.duration, micro_step=micro, macro_step=macro, record_step=self.record_step))
+        steps = Steps(duration=self.duration, micro_step=micro, macro_step=macro, record_step=self.record_step)
+        check_steps(steps)
+        require_room(steps)
 
     def run(self) -> xr.Dataset:
         """Simulate the experiment; see `exumob.simulate`."""

@@ -18,7 +18,7 @@ from typing import Annotated, Any
 
 import xarray as xr
 
-from exumob.support.cost import cores, spelled_size, spelled_time
+from exumob.support.cost import cores, require_memory, spelled_size, spelled_time
 from exumob.support.declared import checked
 from exumob.support.quantities import Quantity
 from exumob.sweeps.case_store import STATUSES, CaseStore, Function, check_names, room_needed
@@ -28,6 +28,8 @@ from exumob.sweeps.sampling import Case
 
 TRIED_CASES = 20_000
 """Number of cases up to which it is tried beforehand whether their values fit each other; this takes about a second."""
+WORKER_BYTES = 2e8
+"""Memory of a process of a sweep beside what it shares with the others."""
 COST = {"fast": 0.4, "fine": 1.5}
 """Time of computing a second of a run, by setting [s]: networks or coefficients, one idle core (docs/speed.md)."""
 WorkerCount = Annotated[int, Quantity("1", at_least=1.0, at_most=4096.0)]
@@ -105,11 +107,15 @@ def sweep(
     unknown = [status for status in again if status not in STATUSES]
     if unknown:
         raise ValueError(f"sweep.again: {unknown[0]!r} is no status; use {', '.join(STATUSES)}.")
-    if isinstance(function, Experiment):
-        cases = [function.typed(case) for case in cases]
-        fitting = _check_cases(function, cases)
-        function = function.with_one_model(cases)
-        function.with_values(fitting).check()
+    if not mpi and min(workers, len(cases)) > cores():
+        require_memory(f"sweep.workers = {workers}", min(workers, len(cases)) * WORKER_BYTES, "give fewer.")
+    experiment = function if isinstance(function, Experiment) else getattr(function, "experiment", None)
+    if isinstance(experiment, Experiment):
+        cases = [experiment.typed(case) for case in cases]
+        fitting = _check_cases(experiment, cases)
+        experiment = experiment.with_one_model(cases)
+        experiment.with_values(fitting).check()
+        function = experiment if isinstance(function, Experiment) else function
     store = CaseStore(Path(folder), function, cases, time_limit, keep_runs)
     with store.locked():
         store.prepare(again)

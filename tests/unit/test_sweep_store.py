@@ -275,7 +275,7 @@ def test_rows_are_not_relabelled(finished):
     (lambda f: (f / "sweep.json").write_bytes(b""), r"sweep\.json cannot be read"),
     (lambda f: (f / "sweep.json").write_text("[" * 100_000), r"sweep\.json cannot be read"),
     (lambda f: (f / "sweep.json").write_text("[]"), r"sweep\.json was written by another version"),
-    (lambda f: (f / "sweep.json").write_text("{}"), r"sweep\.json is not the description .*exumob is"),
+    (lambda f: (f / "sweep.json").write_text("{}"), r"sweep\.json is not the description .*format is"),
     (lambda f: edited(f / "sweep.json", number="three"), "number is missing or wrong"),
     (lambda f: edited(f / "sweep.json", exumob="0.0.1"), r"holds a sweep of exumob 0\.0\.1"),
     (lambda f: edited(f / "sweep.json", format=1), "another version of exumob"),
