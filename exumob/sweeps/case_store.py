@@ -466,7 +466,7 @@ class CaseStore:
             coords={"case": ("case", np.arange(len(rows)), {"units": "1", "long_name": "number of the case"})}
             | parameters,
             attrs=provenance()
-            | {"title": "exumob sweep", "parameters": joined_names(self.names)}
+            | {"title": "exumob sweep", "parameters": " ".join(self.names)}
             | ({"cases_of_other_code": others} if others else {}),
         )
 
@@ -500,11 +500,6 @@ def case_text(case: Case) -> str:
     return json.dumps(case, default=_plain_value)
 
 
-def joined_names(names: Sequence[str]) -> str:
-    """Names of the parameters as the attribute ``parameters`` of a result keeps them."""
-    return json.dumps(list(names)) if any(re.search(r"\s|^\[", name) for name in names) else " ".join(names)
-
-
 def write_text(file: Path, text: str) -> None:
     """Write a text file whole or not at all."""
     with atomic_write(file) as temporary:
@@ -521,7 +516,7 @@ def fault_of_result(values: Any, parameters: Sequence[str]) -> str:
     if not isinstance(values, Mapping):
         return f"it returned {type(values).__name__}; return a Dataset of simulate, or numbers by name"
     for name, value in values.items():
-        if not isinstance(name, str) or not name or "/" in name:
+        if not isinstance(name, str) or not name or re.search(r"[/\0]", name):
             return f"the result {name!r} has no proper name; use a text without '/'"
         if name in OWN_NAMES or name in parameters:
             return f"the result {name!r} has a name that is taken by a parameter or a column; rename it"
@@ -545,10 +540,10 @@ def check_names(cases: Sequence[Case]) -> None:
         if list(case) != list(cases[0]):
             raise ValueError(f"sweep.cases: case {n} has the names {list(case)}, the first one {list(cases[0])}.")
     for name in cases[0]:
-        if not isinstance(name, str) or not name or "/" in name or name in OWN_NAMES:
+        if not isinstance(name, str) or not name or re.search(r"[/\s\0]", name) or name in OWN_NAMES:
             raise ValueError(
-                f"sweep.cases: {name!r} cannot be the name of a parameter; use a text without '/', other than "
-                f"{', '.join(OWN_NAMES)}."
+                f"sweep.cases: {name!r} cannot be the name of a parameter; use a text without '/' and blanks, other "
+                f"than {', '.join(OWN_NAMES)}."
             )
 
 

@@ -31,6 +31,8 @@ GRACE = 10.0
 """Time that a case may take beyond its time limit until its process is killed [s]."""
 ATTEMPTS = 2
 """Number of processes that a case may take with it until it is given up as ``killed``."""
+FRUITLESS = 3
+"""Number of times that the whole pool may be killed from outside without any case that ended in between."""
 POLL = 0.2
 """Interval at which the pool is watched [s]."""
 
@@ -63,7 +65,12 @@ class _Worker:
             outcome = _run_case(store, number)
         is_run = isinstance(outcome.found, xr.Dataset)
         if store.keep_runs and isinstance(outcome.found, xr.Dataset):
-            store.keep_run(number, outcome.found)
+            try:
+                store.keep_run(number, outcome.found)
+            except StorageError:
+                raise
+            except Exception as error:  # of a function of the user: netCDF cannot hold all that a Dataset can
+                outcome = _Outcome("failed", f"its Dataset cannot be kept as netCDF: {type(error).__name__}: {error}")
         store.end(number, outcome.status, outcome.reason, time.perf_counter() - began, outcome.values, is_run)
         return number
 
@@ -85,7 +92,7 @@ def _run_case(store: CaseStore, number: int) -> _Outcome:
         with alarm:
             found = store.function(store.cases[number])
             values = _summary(found) if isinstance(found, xr.Dataset) else found
-    except (Exception, _OutOfTime) as error:
+    except (Exception, SystemExit, _OutOfTime) as error:
         values = _until_then(error)
         if alarm.rang:  # it may come out of the solver as another error
             values = {name: value for name, value in values.items() if not name.startswith("verdict")}
@@ -166,6 +173,7 @@ def run_in_processes(store: CaseStore, workers: int, report_progress: Callable[[
     context: Any = multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
     if sys.platform == "linux":
         context.set_forkserver_preload(["__main__", __name__, "exudyn.processing"])
+    fruitless = 0
     while left := store.left():
         since = time.time()
         receiver, sender = context.Pipe(duplex=False)
@@ -188,6 +196,12 @@ def run_in_processes(store: CaseStore, workers: int, report_progress: Callable[[
         failure = _received(receiver)
         if isinstance(failure, StorageError):
             raise failure
+        fruitless = fruitless + 1 if pool.exitcode == -signal.SIGKILL and not lost and store.left() == left else 0
+        if fruitless >= FRUITLESS:
+            raise RuntimeError(
+                f"sweep: its processes were killed from outside {fruitless} times before a case ended, perhaps for "
+                "want of memory; use fewer workers. The same call goes on with what has ended."
+            )
         if pool.exitcode not in (0, None, -signal.SIGKILL) and store.left() == left and not lost:
             raise RuntimeError(
                 f"sweep: the processes could not be started (exit code {pool.exitcode}); "

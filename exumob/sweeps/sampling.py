@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -287,8 +286,7 @@ def as_grid(result: xr.Dataset) -> xr.Dataset:
     ValueError
         If the cases are not a full grid.
     """
-    text = result.attrs["parameters"]
-    names = list(json.loads(text)) if text.startswith("[") else text.split()
+    names = list(result.attrs["parameters"].split())
     stacked = result.set_index(case=names) if len(names) > 1 else result.swap_dims(case=names[0])
     if len(names) > 1 and not stacked.indexes["case"].is_unique:
         raise ValueError("as_grid: some cases have the same parameters; look at them one by one.")

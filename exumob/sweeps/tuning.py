@@ -26,7 +26,7 @@ from exumob.support.declared import Declared, checked
 from exumob.support.errors import SimulationError
 from exumob.support.provenance import package_version, parameters_json, provenance
 from exumob.support.quantities import Quantity, shown
-from exumob.sweeps.case_store import StorageError, case_text, joined_names, storage_remedy, write_text
+from exumob.sweeps.case_store import StorageError, case_text, storage_remedy, write_text
 from exumob.sweeps.experiment import Experiment
 from exumob.sweeps.identity import differences, digest, identity
 from exumob.sweeps.sampling import SEED, Case
@@ -337,6 +337,6 @@ def _gathered(folder: Path, ranges: Ranges, of: str) -> tuple[xr.Dataset, list[s
             )
         },
         coords={name: ("evaluation", [row["values"][name] for row in rows]) for name in ranges},
-        attrs=provenance() | {"title": "exumob tuning", "parameters": joined_names(list(ranges))},
+        attrs=provenance() | {"title": "exumob tuning", "parameters": " ".join(ranges)},
     )  # fmt: skip
     return found, [row["reason"] for row in rows if row.get("reason")]

@@ -387,7 +387,7 @@ def test_too_few_files_are_found_beforehand(tmp_path, monkeypatch):
     ({"cases": []}, "sweep.cases is empty"), ({"cases": {"x": 1}}, "sweep.cases is a dict; give a list of dicts"),
     ({"cases": [3]}, "case 0 is 3; give a dict"), ({"cases": "abc"}, "sweep.cases is a str"),
     ({"cases": iter(CASES)}, "sweep.cases is a list_iterator"), ({"cases": [{}, {"x": 1}]}, "case 1 has the names"),
-    ({"cases": [{"a/b": 1}]}, "'a/b' cannot be the name"), ({"cases": [{"status": 1}]}, "'status' cannot be the name"),
+    ({"cases": [{"a b": 1}]}, "'a b' cannot be the name"), ({"cases": [{"status": 1}]}, "'status' cannot be the name"),
     ({"cases": [{3: 1}]}, "3 cannot be the name"), ({"folder": None}, "sweep.folder = None"),
     ({"workers": 1.5}, "sweep.workers = 1.5 must be a whole number"), ({"workers": 0}, "sweep.workers = 0"),
     ({"workers": True}, "sweep.workers = True"), ({"workers": 10**400}, "sweep.workers = 10"),
