@@ -48,7 +48,7 @@ Function = Callable[[Case], xr.Dataset | Mapping[str, float | str]]
 
 FORMAT = 2
 """Number of the layout of a sweep's files."""
-STEP_BYTES = 1500
+STEP_BYTES = 3600
 """Room on the disk for an instant of a kept run."""
 OWN_NAMES = ("case", "status", "reason", "case_wall_time")
 """Names in the result of a sweep that are neither parameters nor results."""
