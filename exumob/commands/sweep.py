@@ -16,6 +16,7 @@ from exumob.commands.options import (
     Seed,
     SettingName,
     SettingOption,
+    UnusualValues,
     VehicleFile,
     Workers,
     option,
@@ -49,9 +50,7 @@ def sweep_command(  # one argument an option of the command line
     again: Annotated[
         list[str] | None, option(EXPERT, "Run cases of this status again, such as 'killed'; repeatable.")
     ] = None,
-    unusual: Annotated[
-        bool, option(EXPERT, "Accept values that are possible but outside their plausible range.", "--unusual")
-    ] = False,
+    unusual: UnusualValues = False,
     mpi: Annotated[
         bool, option(EXPERT, "Use the ranks of mpiexec -n 4 python -m mpi4py.futures -m exumob sweep ...", "--mpi")
     ] = False,

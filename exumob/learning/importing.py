@@ -27,6 +27,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from exumob.learning.dataset import SAMPLING
 from exumob.simulation.results import VARIABLES
 from exumob.support.arrays import Array
+from exumob.support.dimensions import with_described_names
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.smoothing import smoothed
 from exumob.support.tables import read_table
@@ -304,7 +305,7 @@ def _dataset(states: BodyStates, wrench: Array, water: Water, path: Path, scenar
         "water_wrench_smooth": ("time body component", "N, N m", "water_wrench, centred moving average")
     }
     values["water_wrench_smooth"] = smoothed(wrench, SAMPLING)
-    return xr.Dataset(
+    found = xr.Dataset(
         {
             name: (dims.split(), values[name].astype(np.float32), {"units": unit, "long_name": text})
             for name, (dims, unit, text) in described.items()
@@ -320,3 +321,4 @@ def _dataset(states: BodyStates, wrench: Array, water: Water, path: Path, scenar
             "parameters": parameters_json({"water": water}),
         },
     )  # fmt: skip
+    return with_described_names(found)

@@ -30,6 +30,7 @@ from exumob.support.provenance import parameters_json, provenance
 from exumob.surrogates.networks import NetworkSet, Single, geometry
 from exumob.vehicle.motion import BODIES, BodyStates
 from exumob.vehicle.parameters import Vehicle
+from exumob.water.mesh_file import mesh_digest
 
 
 @dataclass(frozen=True)
@@ -203,7 +204,7 @@ def _part(parts: Path, preset: Preset, seed: int, body: str, data: str) -> Path:
 
 def _data_hash(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> str:
     """Digest of everything that the networks are made from."""
-    found = hashlib.sha256(parameters_json({"vehicle": vehicle}).encode())
+    found = hashlib.sha256((parameters_json({"vehicle": vehicle}) + mesh_digest(vehicle.hull)).encode())
     for name in sorted(runs):
         found.update((name + parameters_json({"water": water_of(runs[name])})).encode())
         for variable in (*BodyStates.__dataclass_fields__, "quaternion", "water_wrench", "water_wrench_smooth"):
@@ -225,4 +226,14 @@ def _check_geometry(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> None:
             for part in field.split("."):
                 found = found[part]
             if isinstance(value, float) and not np.isclose(found, value, rtol=1e-3):
-                raise ValueError(f"{name} was made with {field} = {found}, {vehicle.name} has {value}; give --vehicle.")
+                raise ValueError(
+                    f"{name}: this run was made with a vehicle whose {field} is {found}; that of {vehicle.name} is "
+                    f"{value}. "
+                    f"Networks learn from runs of their own vehicle: give runs made with {vehicle.name} (--data), or "
+                    "the vehicle of these runs (--vehicle)."
+                )
+        if run.attrs.get("hull_mesh_sha256", "") != mesh_digest(vehicle.hull):
+            raise ValueError(
+                f"{name} was made with another Hull.mesh, or another content of that file, than {vehicle.name} has; "
+                "give the vehicle and the mesh file of the runs."
+            )

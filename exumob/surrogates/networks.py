@@ -34,6 +34,7 @@ from exumob.surrogates.network_kernels import (
 )
 from exumob.vehicle.motion import BODIES, HISTORY_STEP, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
+from exumob.water.mesh_file import mesh_digest
 
 FORMAT, VERSION = "exumob networks", 1
 SAMPLING = HISTORY_STEP
@@ -310,6 +311,8 @@ def geometry(vehicle: Vehicle) -> dict[str, Any]:
         for part in name.split("."):
             value = getattr(value, part)
         found[name] = value if value is None or isinstance(value, int | float) else str(value)
+    if vehicle.hull.mesh is not None:
+        found["hull.mesh"] = f"contents {mesh_digest(vehicle.hull)[:16]}"  # a path does not say which shape
     return found
 
 
