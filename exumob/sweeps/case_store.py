@@ -332,7 +332,7 @@ class CaseStore:
             "wall_time": wall, "run": run,
             "values": {name: value if isinstance(value, str) else float(value) for name, value in values.items()},
         }  # fmt: skip
-        self._write(self._file(number), json.dumps(row))
+        self._write(self._file(number), json.dumps(row | {"check": digest(json.dumps(row))}))
         (self.folder / "begun" / f"{number}.json").unlink(missing_ok=True)
 
     def keep_run(self, number: int, run: xr.Dataset) -> None:
@@ -375,6 +375,8 @@ class CaseStore:
             case = json.loads(case_text(self.cases[number]))
             then, now = ({n: json.dumps(v) for n, v in values.items()} for values in (row["parameters"], case))
             wrong = f"is another case: {differences(then, now)}"
+        elif row["check"] != digest(json.dumps({name: part for name, part in row.items() if name != "check"})):
+            wrong = "was changed after it was written"
         if wrong:
             raise ValueError(
                 f"{file} {wrong}. Its result is not taken for this case: give another folder, or remove the file to "
@@ -555,7 +557,7 @@ def _fault_of_row(row: Any) -> str:
         return "it is in the layout of another version of exumob, or not of exumob at all"
     kinds: dict[str, Any] = {
         "exumob": str, "function": str, "code": str, "parameters": dict, "status": str, "reason": str,
-        "wall_time": int | float, "run": bool, "values": dict,
+        "wall_time": int | float, "run": bool, "values": dict, "check": str,
     }  # fmt: skip
     for name, kind in kinds.items():
         if not isinstance(row.get(name), kind):

@@ -19,7 +19,7 @@ from exumob.driving.maneuver import Recorded
 from exumob.sweeps import case_store, sweep
 from exumob.sweeps.case_store import CaseStore, StorageError, fault_of_result
 from exumob.sweeps.experiment import amphibious_lane_change
-from exumob.sweeps.identity import identity
+from exumob.sweeps.identity import digest, identity
 from exumob.sweeps.run import _check_cases
 
 
@@ -234,6 +234,7 @@ def again(folder, function=square, cases=CASES):
 
 def edited(file, **changes):
     row = json.loads(file.read_text()) | changes
+    row["check"] = digest(json.dumps({name: part for name, part in row.items() if name != "check"}))
     file.write_text(json.dumps({name: value for name, value in row.items() if value is not None}))
 
 
@@ -266,6 +267,8 @@ def test_rows_are_not_relabelled(finished):
     (lambda f: edited(f / "cases" / "1.json", status="fine"), "status is 'fine'"),
     (lambda f: edited(f / "cases" / "1.json", values=[1.0]), r"values is \[1\.0\]"),
     (lambda f: edited(f / "cases" / "1.json", values={"square": [1]}), r"the value of square is \[1\]"),
+    (lambda f: (f / "cases" / "1.json").write_text((f / "cases" / "1.json").read_text().replace("4.0", "4.5")),
+     r"1\.json was changed after it was written"),
     (lambda f: edited(f / "cases" / "1.json", wall_time="long"), "wall_time is 'long'"),
     (lambda f: (f / "cases" / "notes.json").write_text("{}"), r"notes\.json: no case of this sweep.*move it out"),
     (lambda f: (f / "cases" / "03.json").write_text("{}"), r"03\.json: no case of this sweep"),
