@@ -215,6 +215,8 @@ def grid(values: Mapping[str, Any]) -> list[Case]:
         listed = isinstance(found, Sequence) and not isinstance(found, str | bytes)
         if not listed and getattr(found, "ndim", 0) != 1:  # of a set the order would change from run to run
             raise ValueError(f"grid: {name} = {shown(found)} must be a list of values, in their order.")
+        if np.ma.is_masked(found):
+            raise ValueError(f"grid: {name} has masked values; leave them out.")
         if not len(found):
             raise ValueError(f"grid: {name} has no values; give one at least.")
     require_room_for("grid", math.prod(len(found) for found in values.values()), len(values))

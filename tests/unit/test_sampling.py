@@ -158,6 +158,7 @@ def test_correlations_are_kept():
     (lambda: sample(8, {"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, correlations={"ab": 0.5}), "two different"),
     (lambda: sample(8, {"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, correlations={("a", "b"): "x"}), "a number"),
     (lambda: grid({"a": 3}), "a = 3 must be a list"), (lambda: grid({"a": "abc"}), "must be a list"),
+    (lambda: grid({"a": np.ma.masked_equal([1, 2], 1)}), "masked values"),
     (lambda: grid({"a": {1, 2}}), "in their order"), (lambda: grid([1]), "grid.values"),
     (lambda: grid({"a": range(10**6), "b": range(10**6)}), "1,000,000,000,000 cases are too many"),
 ])  # fmt: skip
