@@ -9,10 +9,12 @@ from __future__ import annotations
 import hashlib
 import json
 import multiprocessing
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from multiprocessing.managers import SyncManager
 from pathlib import Path
 from queue import Empty
 from typing import Any, NamedTuple
@@ -26,6 +28,7 @@ from exumob.learning.examples import Examples, build_examples, validation_run
 from exumob.learning.fitting import fit_body
 from exumob.learning.presets import Preset
 from exumob.support.files import atomic_write
+from exumob.support.processes import end_with_parent
 from exumob.support.provenance import parameters_json, provenance
 from exumob.surrogates.networks import NetworkSet, Single, geometry
 from exumob.vehicle.motion import BODIES, BodyStates
@@ -104,7 +107,10 @@ def train(
     data = _data_hash(runs, vehicle)
     files: dict[tuple[str, int], Path] = {}
     context = multiprocessing.get_context("spawn")
-    with context.Manager() as manager, _stopping(ProcessPoolExecutor(max(jobs, 1), context)) as pool:
+    manager = SyncManager(ctx=context)
+    manager.start(end_with_parent, (os.getpid(),))
+    workers = ProcessPoolExecutor(max(jobs, 1), context, end_with_parent, (os.getpid(),))
+    with manager, _stopping(workers) as pool:
         queue = manager.Queue()
         pending: dict[Any, _Task] = {}
         for preset in presets:
