@@ -13,7 +13,6 @@ checked. Loads act on the body about its origin: the hull's centre of mass, the 
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from collections.abc import Mapping
@@ -32,6 +31,7 @@ from exumob.support.constants import GRAVITY
 from exumob.support.dimensions import with_described_names
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.smoothing import smoothed
+from exumob.support.tables import read_table
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.water.conditions import Water
 from exumob.water.flow_states import FLOW_STATES, flow_states
@@ -181,13 +181,8 @@ class _Columns:
 
 
 def _read_csv(path: Path) -> dict[str, tuple[Array, str | None]]:
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        headers = next(csv.reader(stream, skipinitialspace=True))
-        rows = np.genfromtxt(stream, delimiter=",", ndmin=2)
-    if rows.shape[1] != len(headers):
-        raise ValueError(f"{path}: {len(headers)} names head {rows.shape[1]} columns; separate them by commas.")
     found: dict[str, tuple[Array, str | None]] = {}
-    for header, values in zip(headers, rows.T, strict=True):
+    for header, values in read_table(path).items():
         match = re.fullmatch(r"(.*?)\s*\[(.*)\]\s*", header)
         name, unit = (match[1], match[2].strip()) if match else (header.strip(), None)
         found[name] = (values, unit)
