@@ -8,7 +8,7 @@ that the same state gives the same bits. Units, axes and order of bodies: `FlowC
 
 | question | answer |
 |---|---|
-| `{"do": "start", "version": 1, "vehicle": {...}, "water": {...}, "poses": P, "time": t}` | `{}` or `{"version": 1}` |
+| `{"do": "start", "vehicle": {...}, "water": {...}, "poses": P, "time": t}` | `{}` |
 | `{"do": "advance", "time": t, "poses": P}` | `{"loads": [[Fx, Fy, Fz, Mx, My, Mz], ...], "report": {name: number}}` |
 | `{"do": "save"}` | `{"state": anything}` |
 | `{"do": "restore", "state": what save gave}` | `{}` |
@@ -18,26 +18,24 @@ that the same state gives the same bits. Units, axes and order of bodies: `FlowC
 velocity [m/s], three components; `P` is `{"position": n x 3, "rotation": n x 3 x 3, "velocity": n x 3,
 "angular_velocity": n x 3, "spin": n}`; `loads` are the mean wrenches on the n bodies. A code that cannot go on answers
 `{"error": "why, and what to do"}`: as the answer to "start" this becomes a ValueError, to anything else a
-SimulationError. So does an answer that is not of this form: loads must be 6 n finite numbers, a report must have the
-same names each time, and a message may be as long as `LONGEST_ANSWER`, a saved state as `LONGEST_STATE`. Nothing that
-arrives is run, and memory is taken as bytes arrive, up to these limits. The connection is neither encrypted nor
-authenticated: keep it on one machine, or within a network or tunnel (ssh) that you trust.
+SimulationError. Answers longer than 1 MiB, or 256 MiB for a state, end the run before they are read.
+
+Neither side runs code of the other: messages are data. The connection is not encrypted and nobody is asked for a
+password: use a tunnel (ssh -L) beyond machines that you trust.
 """
 
 from __future__ import annotations
 
 import json
-import math
 import socket
 import struct
-import time as clock
 from dataclasses import fields
 from typing import Annotated, Any
 
 import numpy as np
 
 from exumob.flow.poses import Poses
-from exumob.support.arrays import Array
+from exumob.support.arrays import Array, checked_array
 from exumob.support.declared import checked
 from exumob.support.errors import SimulationError
 from exumob.support.provenance import parameters_json
@@ -46,16 +44,14 @@ from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 
 LENGTH = struct.Struct(">I")
-VERSION = 1
-"""Version of the messages."""
-LONGEST_ANSWER = 2**20
-"""Longest answer that is accepted [bytes]; the loads of five bodies take about a thousand."""
-LONGEST_STATE = 2**26
-"""Longest saved state that is accepted [bytes]; a code with larger ones saves them in files and answers their names."""
-MOST_REPORTED = 100
-"""Largest number of figures in a report."""
-PARTING = 10.0
-"""Longest wait for the answer to "stop" [s]."""
+LONGEST_ANSWER = 1 << 20
+"""Longest answer with loads and figures that is accepted [bytes]."""
+LONGEST_STATE = 1 << 28
+"""Longest saved state that is accepted [bytes]; a code with larger ones keeps them in files and sends their names."""
+DEEPEST = 100
+"""Deepest nesting of lists and objects in a message."""
+MOST_FIGURES = 1000
+"""Most figures in a report."""
 
 
 class RemoteFlow:
@@ -73,15 +69,18 @@ class RemoteFlow:
 
     @checked
     def __init__(
-        self, host: str = "localhost", port: Annotated[int, Quantity("1", at_least=1, at_most=65535)] = 5005, *,
-        timeout: Annotated[float, Quantity("s", above=0.0, at_most=1e6)] = 3600.0,
+        self,
+        host: str = "localhost",
+        port: Annotated[int, Quantity("1", at_least=1, at_most=65535)] = 5005,
+        *,
+        timeout: Annotated[float, Quantity("s", above=0.0, at_most=1e7)] = 3600.0,
         parameters: dict[str, Any] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.address, self.timeout = (host, port), timeout
         self.parameters = parameters or {}
         self._socket: socket.socket | None = None
         self._report: dict[str, float] = {}
-        self._report_names: list[str] | None = None
+        self._names: list[str] | None = None
 
     def start(self, vehicle: Vehicle, water: Water, poses: Poses, time: float) -> None:
         """See `FlowCode`.
@@ -95,49 +94,51 @@ class RemoteFlow:
             try:
                 self._socket = socket.create_connection(self.address, self.timeout)
                 self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # small messages, at once
-            except (OSError, UnicodeError) as error:  # also a host that cannot be a name
+            except OSError as error:
                 host, port = self.address
                 raise ValueError(
                     f"RemoteFlow: no flow code answers at {host}:{port} ({error}); start it first, or give its address."
                 ) from None
+        self._names = None
         question = {
             "vehicle": json.loads(parameters_json({"vehicle": vehicle}))["vehicle"]["Vehicle"],
             "water": {"depth": water.depth, "density": water.density, "velocity": water.velocity.tolist()},
-            "poses": _as_lists(poses), "time": time, "version": VERSION,
+            "poses": _as_lists(poses), "time": time,
         }  # fmt: skip
-        self._report, self._report_names = {}, None
         try:
-            answer = self._ask("start", **question)
+            self._ask("start", **question)
         except SimulationError as error:
             raise ValueError(str(error)) from None
-        if answer.get("version", VERSION) != VERSION:
-            self._leave()
-            raise ValueError(
-                f"RemoteFlow: the flow code speaks version {shown(answer['version'])} of the messages, and exumob "
-                f"version {VERSION}; use versions of both that fit."
-            )
 
     def advance(self, time: float, poses: Poses) -> Array:
         """See `FlowCode`."""
         answer = self._ask("advance", time=time, poses=_as_lists(poses))
-        wrenches = _wrenches(answer.get("loads"), len(poses.position))
-        report = _report(answer.get("report", {}))
-        if self._report_names is None:
-            self._report_names = list(report)
-        if set(report) != set(self._report_names):
+        self._report = self._checked_report(answer.get("report", {}))
+        return _checked_loads(answer.get("loads"), len(poses.position), time)
+
+    def _checked_report(self, found: Any) -> dict[str, float]:
+        """Return the figures of an answer; SimulationError if they are none, or have other names than before."""
+        numbers = isinstance(found, dict) and all(
+            isinstance(value, int | float) and not isinstance(value, bool) for value in found.values()
+        )
+        if not numbers or len(found) > MOST_FIGURES:
             raise SimulationError(
-                f"RemoteFlow: the code reported {_listed(self._report_names)} at first and {_listed(list(report))} at "
-                f"{time:g} s; it must always report the same."
+                f"RemoteFlow: the report {shown(found)} came back; it must be an object of at most {MOST_FIGURES} "
+                "numbers by name."
             )
-        self._report = {name: report[name] for name in self._report_names}
-        return wrenches
+        if self._names is None:
+            self._names = sorted(found)
+        if sorted(found) != self._names:
+            other = sorted(set(found) ^ set(self._names))
+            raise SimulationError(
+                f"RemoteFlow: the names of the report have changed ({', '.join(other[:5])}); they must always be those "
+                "of the first answer."
+            )
+        return {name: _number(value) for name, value in found.items()}
 
     def save(self) -> Any:
         """See `FlowCode`; as text, so that it can be anything that JSON can hold."""
-        answer = self._ask("save")
-        if "state" not in answer:
-            raise SimulationError("RemoteFlow: the answer to 'save' holds no state; it must be {'state': ...}.")
-        return json.dumps(answer["state"])
+        return json.dumps(self._ask("save").get("state"))
 
     def restore(self, saved: Any) -> None:
         """See `FlowCode`."""
@@ -154,11 +155,6 @@ class RemoteFlow:
                 self._ask("stop")
             except SimulationError:
                 pass  # it has ended already
-            self._leave()
-
-    def _leave(self) -> None:
-        """Close the connection without a word."""
-        if self._socket is not None:
             self._socket.close()
             self._socket = None
 
@@ -166,69 +162,27 @@ class RemoteFlow:
         """Send a question and return its answer; SimulationError if the code is lost or answers with an error."""
         if self._socket is None:
             raise SimulationError("RemoteFlow: not connected; call start first.")
-        wait = min(self.timeout, PARTING) if what == "stop" else self.timeout
         try:
-            self._socket.settimeout(wait)
             send(self._socket, {"do": what, **question})
-            answer = receive(self._socket, wait, LONGEST_STATE if what == "save" else LONGEST_ANSWER)
-        except (OSError, EOFError, ValueError, RecursionError) as error:
-            self._leave()  # what comes later would answer another question
-            why = f"no answer within {wait:g} s" if isinstance(error, TimeoutError) else str(error)
+            answer = receive(self._socket, LONGEST_STATE if what == "save" else LONGEST_ANSWER)
+        except TimeoutError:
+            self._lose()
             raise SimulationError(
-                f"RemoteFlow: the flow code was lost during {what!r}: {why}. Look at its own messages, start it again, "
-                "and resume the run from its checkpoint."
+                f"RemoteFlow: the flow code gave no answer to {what!r} within {self.timeout:g} s; give a longer "
+                "timeout, or look what holds it up."
             ) from None
+        except (OSError, EOFError, ValueError, RecursionError, OverflowError) as error:
+            self._lose()
+            raise SimulationError(f"RemoteFlow: the flow code was lost during {what!r}: {error}") from None
         if "error" in answer:
-            text = answer["error"] if isinstance(answer["error"], str) else shown(answer["error"])
-            raise SimulationError(f"RemoteFlow: {text[:2000]}")
+            raise SimulationError(f"RemoteFlow: {str(answer['error'])[:2000]}")
         return answer
 
-
-def _wrenches(loads: Any, bodies: int) -> Array:
-    """Loads as an array, or SimulationError: what another program sends can be anything."""
-    rows = loads if isinstance(loads, list) else []
-    sound = len(rows) == bodies and all(isinstance(row, list) and len(row) == 6 for row in rows)
-    if not sound:
-        lengths = sorted({len(row) if isinstance(row, list) else 1 for row in rows})
-        found = f"{len(rows)} rows of {' or '.join(map(str, lengths)) or 'no'} values" if rows else shown(loads)
-        raise SimulationError(f"RemoteFlow: loads came back as {found}; they must be {bodies} rows of 6 numbers.")
-    for body, row in enumerate(rows):
-        for value in row:
-            if not _is_number(value):
-                raise SimulationError(
-                    f"RemoteFlow: the loads on body {body} hold {shown(value)}; they must be finite numbers, forces "
-                    "[N] and moments [N m]."
-                )
-    return np.array(rows, dtype=float)
-
-
-def _report(given: Any) -> dict[str, float]:
-    """Figures that were reported, or SimulationError."""
-    if not isinstance(given, dict) or len(given) > MOST_REPORTED:
-        what = f"{len(given)} figures" if isinstance(given, dict) else shown(given)
-        raise SimulationError(
-            f"RemoteFlow: the report is {what}; it must be {{name: number}}, at most {MOST_REPORTED}."
-        )
-    for name, value in given.items():
-        if not (name.isidentifier() and len(name) <= 64) or not _is_number(value):
-            raise SimulationError(
-                f"RemoteFlow: the report holds {shown(name)}: {shown(value)}; it must be a name of letters, digits and "
-                "underscores, and a finite number."
-            )
-    return {name: float(value) for name, value in given.items()}
-
-
-def _is_number(value: Any) -> bool:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # an int that is no float
-        return False
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(sorted(names)) or "nothing"
+    def _lose(self) -> None:
+        """Close a connection on which question and answer no longer fit together."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
 
 
 def send(stream: socket.socket, message: dict[str, Any]) -> None:
@@ -237,47 +191,54 @@ def send(stream: socket.socket, message: dict[str, Any]) -> None:
     stream.sendall(LENGTH.pack(len(text)) + text)
 
 
-def receive(stream: socket.socket, timeout: float, longest: int = LONGEST_ANSWER) -> dict[str, Any]:
-    """Read one message.
-
-    Parameters
-    ----------
-    stream : socket
-    timeout : float
-        Longest wait for the whole of it [s].
-    longest : int
-        Longest message that is accepted [bytes].
+def receive(stream: socket.socket, longest: int = LONGEST_STATE) -> dict[str, Any]:
+    """Read one message of at most so many bytes.
 
     Raises
     ------
     EOFError
         If the other side has gone.
-    TimeoutError
-        If the message is not whole in time.
     ValueError
-        If it is too long, or not one JSON object.
+        If the message is longer, or is not one JSON object.
     """
-    deadline = clock.monotonic() + timeout
-    (length,) = LENGTH.unpack(_read_bytes(stream, LENGTH.size, deadline))
+    (length,) = LENGTH.unpack(_read_bytes(stream, LENGTH.size))
     if length > longest:
-        raise ValueError(f"it sends a message of {length} bytes, at most {longest} are accepted; is the port right?")
-    try:
-        message = json.loads(_read_bytes(stream, length, deadline))
-    except ValueError as error:
-        raise ValueError(f"its message is not JSON ({error})") from None
+        raise ValueError(f"a message of {length} bytes is longer than {longest}; is this the right port?")
+    text = _read_bytes(stream, length)
+    if text.count(b"[") + text.count(b"{") > DEEPEST and _depth(text) > DEEPEST:
+        raise ValueError(f"a message is nested deeper than {DEEPEST}")
+    message = json.loads(text)
     if not isinstance(message, dict):
-        raise ValueError(f"its message is {shown(message)}; it must be one JSON object")
+        raise ValueError("a message must be one JSON object")
     return message
 
 
-def _read_bytes(stream: socket.socket, count: int, deadline: float) -> bytes:
-    """Read so many bytes, however they arrive; EOFError if it ends before, TimeoutError if they are late."""
+def _depth(text: bytes) -> int:
+    """Deepest nesting of brackets in a text; those within strings count, too."""
+    level = np.zeros(256, np.int8)
+    level[list(b"[{")], level[list(b"]}")] = 1, -1
+    return int(np.cumsum(level[np.frombuffer(text, np.uint8)], dtype=np.int64).max(initial=0))
+
+
+def _number(value: float) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf")
+
+
+def _checked_loads(found: Any, count: int, time: float) -> Array:
+    """Return loads that came back as an array, shape (count, 6); SimulationError if they are none, or not finite."""
+    try:
+        return checked_array("RemoteFlow: loads", found, (count, 6))
+    except ValueError as error:
+        raise SimulationError(f"{error} They came back for {time:.4f} s.") from None
+
+
+def _read_bytes(stream: socket.socket, count: int) -> bytes:
+    """Read so many bytes, however they arrive; EOFError if the connection ends before."""
     parts = bytearray()
     while len(parts) < count:
-        left = deadline - clock.monotonic()
-        if left <= 0.0:
-            raise TimeoutError
-        stream.settimeout(left)
         part = stream.recv(min(count - len(parts), 1 << 20))
         if not part:
             raise EOFError("the connection was closed")

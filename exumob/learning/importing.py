@@ -13,7 +13,6 @@ checked. Loads act on the body about its origin: the hull's centre of mass, the 
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from collections.abc import Mapping
@@ -30,10 +29,12 @@ from exumob.learning.dataset import DOUBLE, SAMPLING, check_loads, check_motion
 from exumob.simulation.results import VARIABLES
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
+from exumob.support.dimensions import with_described_names
 from exumob.support.files import read_netcdf
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity
 from exumob.support.smoothing import smoothed
+from exumob.support.tables import read_table
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.water.conditions import Water
 from exumob.water.flow_states import FLOW_STATES, flow_states
@@ -57,6 +58,8 @@ UNITS = {
     "none": {"": 1.0, "1": 1.0, "-": 1.0},
 }
 """Known units of each kind, with their factors to SI."""
+LARGEST_LOAD = 10.0
+"""Largest force of the water over density (g L + v^2) L^2, L the distance of the wheels [-]; chosen by us."""
 COARSEST = 0.01
 """Longest interval between samples that still resolves the water's loads [s]."""
 SPEED_TOLERANCE = 0.05
@@ -179,13 +182,8 @@ class _Columns:
 
 
 def _read_csv(path: Path) -> dict[str, tuple[Array, str | None]]:
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        headers = next(csv.reader(stream, skipinitialspace=True))
-        rows = np.genfromtxt(stream, delimiter=",", ndmin=2)
-    if rows.shape[1] != len(headers):
-        raise ValueError(f"{path}: {len(headers)} names head {rows.shape[1]} columns; separate them by commas.")
     found: dict[str, tuple[Array, str | None]] = {}
-    for header, values in zip(headers, rows.T, strict=True):
+    for header, values in read_table(path).items():
         match = re.fullmatch(r"(.*?)\s*\[(.*)\]\s*", header)
         name, unit = (match[1], match[2].strip()) if match else (header.strip(), None)
         found[name] = (values, unit)
@@ -317,7 +315,7 @@ def _dataset(states: BodyStates, wrench: Array, water: Water, path: Path, scenar
         "water_wrench_smooth": ("time body component", "N, N m", "water_wrench, centred moving average")
     }
     values["water_wrench_smooth"] = smoothed(wrench, SAMPLING)
-    return xr.Dataset(
+    found = xr.Dataset(
         {
             name: (dims.split(), _packed(name, values[name]), {"units": unit, "long_name": text})
             for name, (dims, unit, text) in described.items()
@@ -333,3 +331,4 @@ def _dataset(states: BodyStates, wrench: Array, water: Water, path: Path, scenar
             "parameters": parameters_json({"water": water}),
         },
     )  # fmt: skip
+    return with_described_names(found)

@@ -26,13 +26,14 @@ from exumob.learning.examples import Examples, build_examples, validation_run
 from exumob.learning.fitting import fit_body
 from exumob.learning.presets import Preset
 from exumob.support.declared import checked
-from exumob.support.files import probe_writing
-from exumob.support.parent_watch import end_with_parent
+from exumob.support.files import require_writable
+from exumob.support.processes import end_with_parent
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity
 from exumob.surrogates.networks import NetworkSet, Single, geometry, read_arrays, write_arrays
 from exumob.vehicle.motion import BODIES, BodyStates
 from exumob.vehicle.parameters import Vehicle
+from exumob.water.mesh_file import mesh_digest
 
 POLL = 0.2
 """Interval at which progress is reported [s]."""
@@ -118,18 +119,17 @@ def train(
     parts = output / "parts"
     try:
         parts.mkdir(parents=True, exist_ok=True)
-        probe_writing(parts, ROOM)
     except OSError as error:
         raise ValueError(
-            f"train: the folder {parts} cannot be written ({os.strerror(error.errno or 0)}); make room or let it be "
-            "written, or give another folder."
+            f"train: the folder {parts} cannot be made ({error.strerror}); give a folder in which you may write."
         ) from None
+    require_writable(parts / "network.safetensors", ROOM)
     _check_geometry(runs, vehicle)
     data = _data_hash(runs, vehicle)
     files: dict[tuple[str, int], Path] = {}
     context = multiprocessing.get_context("spawn")
     queue = context.SimpleQueue()
-    with _stopping(ProcessPoolExecutor(jobs, context, _begin, (queue,))) as pool:
+    with _stopping(ProcessPoolExecutor(jobs, context, _begin, (queue, os.getpid()))) as pool:
         pending: dict[Any, _Task] = {}
         for preset in presets:
             names, bodies = build_examples(runs, vehicle, preset)
@@ -174,11 +174,11 @@ _queue: Any = None
 """What takes the progress, in a process of the pool."""
 
 
-def _begin(queue: Any) -> None:
+def _begin(queue: Any, leader: int) -> None:
     """Begin a process of the pool: it ends with its leader, even if that is killed."""
     global _queue
     _queue = queue
-    end_with_parent()
+    end_with_parent(leader)
 
 
 def _fit_and_keep(task: _Task, found: Examples, learn: list[int], validation: list[int], part: Path) -> None:
@@ -231,7 +231,7 @@ def _part(parts: Path, preset: Preset, seed: int, body: str, data: str) -> Path:
 
 def _data_hash(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> str:
     """Digest of everything that the networks are made from."""
-    found = hashlib.sha256(parameters_json({"vehicle": vehicle}).encode())
+    found = hashlib.sha256((parameters_json({"vehicle": vehicle}) + mesh_digest(vehicle.hull)).encode())
     for name in sorted(runs):
         found.update((name + parameters_json({"water": water_of(runs[name])})).encode())
         for variable in (*BodyStates.__dataclass_fields__, "quaternion", "water_wrench", "water_wrench_smooth"):
@@ -253,4 +253,14 @@ def _check_geometry(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> None:
             for part in field.split("."):
                 found = found[part]
             if isinstance(value, float) and not np.isclose(found, value, rtol=1e-3):
-                raise ValueError(f"{name} was made with {field} = {found}, {vehicle.name} has {value}; give --vehicle.")
+                raise ValueError(
+                    f"{name}: this run was made with a vehicle whose {field} is {found}; that of {vehicle.name} is "
+                    f"{value}. "
+                    f"Networks learn from runs of their own vehicle: give runs made with {vehicle.name} (--data), or "
+                    "the vehicle of these runs (--vehicle)."
+                )
+        if run.attrs.get("hull_mesh_sha256", "") != mesh_digest(vehicle.hull):
+            raise ValueError(
+                f"{name} was made with another Hull.mesh, or another content of that file, than {vehicle.name} has; "
+                "give the vehicle and the mesh file of the runs."
+            )

@@ -24,7 +24,7 @@ import numpy as np
 from exumob.coupling.scheme import Coupling
 from exumob.multibody.system import MultibodyVehicle, SavedState
 from exumob.simulation.description import RunDescription
-from exumob.support.files import PACKAGE, atomic_write, probe_writing
+from exumob.support.files import PACKAGE, atomic_write, require_writable
 from exumob.support.provenance import parameters_json, versions
 from exumob.vehicle.motion import HISTORY_STEP
 from exumob.water.hydrodynamics import Hydrodynamics
@@ -138,7 +138,7 @@ class Checkpoints:
             model.restore(SavedState(**saved["model"]))
             hydrodynamics.restore(saved["hydrodynamics"])
             coupling.restore(saved["coupling"])
-        except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, IndexError, RuntimeError) as error:
             _refuse(self.file, f"{type(error).__name__}: {error}")
         self._written, self._passed = steps, int(model.time / INTERVAL + 1e-6)
         logger.info("%s: goes on from %.3f s", self.file, model.time)
@@ -253,12 +253,9 @@ def _check_folder(file: Path) -> None:
     if file.is_dir():
         raise ValueError(f"checkpoint {file}: this is a folder; give a file name.")
     try:
-        probe_writing(file.parent, max(ROOM, file.stat().st_size if file.exists() else 0))
-    except OSError as error:
-        raise ValueError(
-            f"checkpoint {file}: the folder {file.parent} cannot be written ({os.strerror(error.errno or 0)}); make "
-            "room or let it be written, or give a file in another folder."
-        ) from None
+        require_writable(file, max(ROOM, file.stat().st_size if file.exists() else 0))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"checkpoint {error}") from None
 
 
 @contextmanager
@@ -295,8 +292,8 @@ class _Refused(ValueError):
 
 def _refuse(file: Path, why: str) -> NoReturn:
     raise _Refused(
-        f"checkpoint {file} cannot be read ({' '.join(why.split())[:300]}); it is cut off, damaged or of another kind. "
-        "Move it away and begin anew."
+        f"checkpoint {file} cannot be read ({' '.join(why.split())[:300]}); it is damaged, cut off or of another kind; "
+        "move it away and begin anew."
     ) from None
 
 

@@ -7,6 +7,7 @@ import errno
 import hashlib
 import os
 import secrets
+import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -72,32 +73,31 @@ def atomic_write(file: str | Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
-def probe_writing(folder: Path, size: int) -> None:
-    """Write so many bytes into a folder and delete them again.
+def require_writable(file: str | Path, size: int = 1 << 16) -> None:
+    """Find out before a run that a file cannot be written during it or after it.
+
+    Parameters
+    ----------
+    file : str or Path
+        The file wanted; it is left alone.
+    size : int
+        So many bytes are written beside it, and removed.
 
     Raises
     ------
-    OSError
-        If the folder is not writable, or has no room for them.
+    ValueError
+        If its folder does not exist, cannot be written or is full.
     """
-    with atomic_probe(folder) as stream:
-        block = bytes(min(size, 1 << 20))
-        for begin in range(0, size, len(block) or 1):
-            os.write(stream, block[: size - begin])
-        os.fsync(stream)
-
-
-@contextmanager
-def atomic_probe(folder: Path) -> Iterator[int]:
-    """Give a new file of a random name in a folder, open for writing; it is deleted when the block ends."""
-    probe = folder / f".exumob-probe.{secrets.token_hex(8)}.partial"
-    stream = os.open(probe, os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_NOFOLLOW", 0), 0o600)
+    path = Path(file)
     try:
-        yield stream
-    finally:
-        os.close(stream)
-        with contextlib.suppress(OSError):
-            probe.unlink(missing_ok=True)
+        with tempfile.TemporaryFile(dir=path.parent) as stream:
+            stream.write(bytes(size))
+            stream.flush()
+            os.fsync(stream.fileno())
+    except OSError as error:
+        raise ValueError(
+            f"{path} cannot be written: {error.strerror or error}; give a folder with room in which you may write."
+        ) from None
 
 
 # -- netCDF ------------------------------------------------------------------------------------------------------------

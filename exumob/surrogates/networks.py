@@ -35,6 +35,7 @@ from exumob.surrogates.network_kernels import (
 )
 from exumob.vehicle.motion import BODIES, HISTORY_STEP, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
+from exumob.water.mesh_file import mesh_digest
 
 FORMAT, VERSION = "exumob networks", 1
 SAMPLING = HISTORY_STEP
@@ -60,7 +61,7 @@ class Architecture(Declared):
     taps: Annotated[int, Quantity("1", at_least=1, at_most=1000)] = 3
     """Instants in the input window: now and those before"""
     stride: Annotated[int, Quantity("ms", at_least=1, at_most=1000)] = 1
-    """Interval between them [ms]"""
+    """Interval between them"""
     layer: Literal["lstm", "dense", "polynomial"] = "lstm"
     """First layer; ``"polynomial"`` is a regression without any"""
     width: Annotated[int, Quantity("1", at_least=1, at_most=4096)] = 400
@@ -80,9 +81,7 @@ class Architecture(Declared):
             raise ValueError(f"Architecture.inputs = {', '.join(self.inputs)}: one stands twice; leave it out once.")
         terms = math.comb(len(self.inputs) + self.degree, self.degree)
         if self.layer == "polynomial" and terms > 20_000:
-            raise ValueError(
-                f"Architecture.degree = {self.degree} makes {terms} terms of {len(self.inputs)} inputs; lower it."
-            )
+            raise ValueError(f"Architecture.degree = {self.degree} makes {terms} terms; give a lower one.")
         if self.layer == "polynomial" and self.taps != 1:
             raise ValueError(f"Architecture.taps = {self.taps}: a polynomial is quasi-steady; use 1.")
 
@@ -298,6 +297,8 @@ def geometry(vehicle: Vehicle) -> dict[str, Any]:
         for part in name.split("."):
             value = getattr(value, part)
         found[name] = value if value is None or isinstance(value, int | float) else str(value)
+    if vehicle.hull.mesh is not None:
+        found["hull.mesh"] = f"contents {mesh_digest(vehicle.hull)[:16]}"  # a path does not say which shape
     return found
 
 
@@ -423,13 +424,14 @@ def _check_arrays(architecture: Architecture, arrays: dict[str, Single], path: P
         array = arrays[name]
         if array.shape != (5, *shape) or array.dtype != np.float32:
             raise ValueError(
-                f"{path}: {name} has shape {array.shape} of {array.dtype}; it must be {(5, *shape)} of float32. Train "
-                "again with `exumob train`."
+                f"{path}: {name} is of shape {array.shape} of {array.dtype}; it must be {(5, *shape)} of float32. "
+                "Train again with `exumob train`."
             )
         if not np.isfinite(array).all():
             count = int((~np.isfinite(array)).sum())
             raise ValueError(
-                f"{path}: {name} is not finite at {count} of {array.size} places; train again with `exumob train`."
+                f"{path}: {name} is of shape {array.shape}, and not finite at {count} of {array.size} places; train "
+                "again with `exumob train`."
             )
     for name in ("input_scale", "output_scale", "joint_limit"):
         if not (arrays[name] > 0.0).all():

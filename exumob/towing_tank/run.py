@@ -17,7 +17,8 @@ import numpy as np
 import xarray as xr
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, Tread
-from exumob.flow.cost import flow_cost, require_room
+from exumob.flow.bed import require_bed
+from exumob.flow.cost import FlowCost, flow_cost, require_room
 from exumob.flow.grid import CELL_SIZE
 from exumob.flow.resolution import checked_solids
 from exumob.flow.vehicle_window import vehicle_window
@@ -34,6 +35,7 @@ from exumob.towing_tank.motion import CaptiveMotion, PrescribedMotion
 from exumob.towing_tank.record import CaptiveRecord
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
+from exumob.water.mesh_file import mesh_provenance
 
 logger = logging.getLogger(__name__)
 
@@ -129,10 +131,14 @@ def captive_run(  # the front door of captive runs: each argument is a choice of
         raise ValueError(f"captive_run.settings: FlowSettings.follow = {settings.follow}; it must be 0, the hull.")
     steering_range = check_motion(motion, vehicle, water, duration)
     _warn_of_late_ramp(motion, duration)
+    way = _way(motion, vehicle, water, duration)
     if grid is None:
-        grid = vehicle_window(vehicle, cell_size, water, terrain, _way(motion, vehicle, water, duration))
-    _check_cost(grid, settings, _fastest(motion, vehicle, water, duration), vehicle.name, (steps, every, interval))
+        grid = vehicle_window(vehicle, cell_size, water, terrain, way)
+    if terrain is not None:
+        require_bed(terrain, grid, way)
+    cost = _checked_cost(grid, settings, _fastest(motion, vehicle, water, duration), (steps, every, interval))
     solids = checked_solids(vehicle, grid, steering_range, allow_coarse, tread)
+    announce(f"captive run of {vehicle.name}, {duration:g} s: {cost}.", cost.seconds)
     solver = FlowSolver(grid, solids, water, settings, terrain)
     parameters: dict[str, Any] = {
         "vehicle": vehicle, "water": water, "motion": motion, "grid": grid, "settings": settings,
@@ -184,7 +190,7 @@ class _Run:
     def result(self, status: str) -> xr.Dataset:
         """Return the record with all that it takes to understand and repeat the run."""
         return self.record.dataset(self.interval).assign_attrs(
-            provenance() | {
+            provenance() | mesh_provenance(self.vehicle.hull) | {
                 "title": f"exumob captive run of {self.vehicle.name}",
                 "status": status,
                 "parameters": parameters_json(self.parameters),
@@ -202,10 +208,8 @@ def _warn_of_late_ramp(motion: PrescribedMotion, duration: float) -> None:
         )  # fmt: skip
 
 
-def _check_cost(
-    grid: Grid, settings: FlowSettings, speed: float, name: str, numbers: tuple[int, int, float]
-) -> None:  # fmt: skip
-    """Refuse what cannot fit into memory, and say what a long run takes."""
+def _checked_cost(grid: Grid, settings: FlowSettings, speed: float, numbers: tuple[int, int, float]) -> FlowCost:
+    """Estimate what a run takes, and refuse what cannot fit into memory."""
     steps, every, interval = numbers
     require_room("captive_run: the grid", grid)
     cost = flow_cost(
@@ -217,7 +221,7 @@ def _check_cost(
         f"{every * interval:g} s", cost.memory + RECORD_SIZE * steps + surfaces,
         "give larger cells, a shorter duration, or snapshots at longer intervals.",
     )  # fmt: skip
-    announce(f"captive run of {name}, {steps * interval:g} s: {cost}.", cost.seconds)
+    return cost
 
 
 def _fastest(motion: PrescribedMotion, vehicle: Vehicle, water: Water, duration: float) -> float:

@@ -14,9 +14,11 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import ModuleType
+from typing import Any
 
-from exumob.support.quantities import ImplausibleValue, shown
+from exumob.support.declared import checked
+from exumob.support.quantities import ImplausibleValue
 from exumob.vehicle.parameters import Vehicle
 
 WHAT_IT_IS = "a vehicle file is a Python file with one function that returns a Vehicle; vehicle_models/ holds examples"
@@ -28,14 +30,15 @@ class _FileError(ValueError):
     """An error about the file as a whole."""
 
 
-def load_vehicle(file: str | Path) -> Vehicle:
+@checked
+def load_vehicle(file: Path) -> Vehicle:
     """Load a vehicle file: a Python file with one function that takes no argument and returns a `Vehicle`.
 
     The file is run, with all that it imports; modules that lie beside it can be imported while it is loaded.
 
     Parameters
     ----------
-    file : str or Path
+    file : Path
         Its name ends in ``.py``. Functions whose names begin with an underscore, functions imported from elsewhere, and
         classes may stand beside the one that makes the vehicle.
 
@@ -47,9 +50,7 @@ def load_vehicle(file: str | Path) -> Vehicle:
         If it is not a Python file, if it breaks while it runs (with file, line, kind and text of the error), or if it
         does not hold exactly one such function.
     """
-    if not isinstance(file, str | Path) or not str(file) or "\0" in str(file):
-        raise ValueError(f"load_vehicle.file = {shown(file)} is not the path of a file; {WHAT_IT_IS}.")
-    path = Path(file)
+    path = file.expanduser()
     if path.is_dir():
         raise ValueError(f"vehicle file {path} is a folder; give a file in it: {WHAT_IT_IS}.")
     if not path.is_file():
@@ -79,8 +80,10 @@ def _run(path: Path) -> ModuleType:
     try:
         code = compile(path.read_bytes(), str(path), "exec", dont_inherit=True)  # no bytecode is kept beside the file
     except SyntaxError as error:
-        where = f" at line {error.lineno}" if error.lineno else ""
-        raise _FileError(f"vehicle file {path} is not Python{where}: {error.msg}; mend it.") from None
+        where = f", line {error.lineno}" if error.lineno else ""
+        raise _FileError(
+            f"vehicle file {path} is not Python{where}: {type(error).__name__}: {error.msg}; mend it."
+        ) from None
     except (ValueError, RecursionError, MemoryError) as error:  # zero bytes, endless nesting
         raise _FileError(f"vehicle file {path} is not Python: {error or type(error).__name__}; mend it.") from None
     before = sys.modules.get(name)
@@ -96,20 +99,24 @@ def _run(path: Path) -> ModuleType:
     return module
 
 
-def _maker(module: ModuleType, path: Path) -> FunctionType:
+def _maker(module: ModuleType, path: Path) -> Any:
     """Return the one public function of the file."""
     makers = {
-        value
+        id(value): value  # a second name for one function is no second one
         for name, value in vars(module).items()
-        if isinstance(value, FunctionType) and value.__module__ == module.__name__ and not name.startswith("_")
+        if not name.startswith("_")
+        and callable(value)
+        and not inspect.isclass(value)
+        and getattr(value, "__module__", None) == module.__name__
+        and hasattr(value, "__name__")  # functions, also decorated ones
     }
     if len(makers) != 1:
-        names = f" ({', '.join(sorted(maker.__name__ for maker in makers))})" if makers else ""
+        names = f": {', '.join(sorted(maker.__name__ for maker in makers.values()))}" if makers else ""
         raise _FileError(
             f"vehicle file {path} defines {len(makers)} public functions{names}; it must define exactly one, which "
             "returns the vehicle. Begin the names of others with an underscore."
         )
-    maker = makers.pop()
+    (maker,) = makers.values()
     several = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     needed = [
         p.name for p in inspect.signature(maker).parameters.values() if p.default is p.empty and p.kind not in several

@@ -24,7 +24,8 @@ from vehicle_models.amphibious import amphibious_vehicle
 
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
-    slow = Preset("slow", Architecture(("forward_flow", "water_depth"), 2, 5, "lstm", 64, 8), epochs=100_000, patience=100_000)
+    architecture = Architecture(("forward_flow", "water_depth"), 2, 5, "lstm", 64, 8)
+    slow = Preset("slow", architecture, epochs=100_000, patience=100_000)
     begun = lambda step: (folder / "begun").touch()
     train([slow], load_runs(sorted(folder.glob("*.nc"))), amphibious_vehicle(), folder / "networks", progress=begun)
 """

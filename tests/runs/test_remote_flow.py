@@ -45,6 +45,7 @@ def test_flow_code_that_dies_is_named(vehicle, sand, served):
     with pytest.raises(SimulationError, match="the flow code was lost during 'advance'") as caught:
         run(vehicle, sand, flow, duration=0.05, progress=kill)
     assert caught.value.result.sizes["time"] > 1
+    flow._socket.close()
 
 
 def test_flow_code_that_does_not_answer_is_named(vehicle, sand):

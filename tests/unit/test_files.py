@@ -1,5 +1,6 @@
 """Files are written whole or not at all."""
 
+import errno
 import os
 import stat
 
@@ -8,7 +9,7 @@ import pytest
 import xarray as xr
 
 from exumob.simulation.result_files import load_dataset, save_dataset
-from exumob.support.files import SEAL_LENGTH, atomic_write, probe_writing, read_netcdf
+from exumob.support.files import SEAL_LENGTH, atomic_write, read_netcdf, require_writable
 
 
 @pytest.mark.parametrize("before", [None, "old"], ids=["new file", "existing file"])
@@ -45,7 +46,7 @@ def test_the_content_reaches_the_disk_before_the_rename(tmp_path, monkeypatch):
 
 
 def test_a_block_that_writes_nothing_and_a_missing_folder_are_errors(tmp_path):
-    with pytest.raises(FileNotFoundError), atomic_write(tmp_path / "table.txt"):
+    with pytest.raises(OSError, match="nothing was written"), atomic_write(tmp_path / "table.txt"):
         pass
     with (
         pytest.raises(FileNotFoundError, match="create it first"),
@@ -74,11 +75,8 @@ def test_a_planted_link_is_not_followed(tmp_path, monkeypatch):
     precious.write_text("mine")
     monkeypatch.setattr("secrets.token_hex", lambda n: "0")
     (tmp_path / ".table.txt.0.partial").symlink_to(precious)
-    (tmp_path / ".exumob-probe.0.partial").symlink_to(precious)
     with pytest.raises(FileExistsError), atomic_write(tmp_path / "table.txt") as temporary:
         temporary.write_text("theirs")
-    with pytest.raises(FileExistsError):
-        probe_writing(tmp_path, 10)
     assert precious.read_text() == "mine"
 
 
@@ -107,13 +105,6 @@ def test_long_names_can_be_written(tmp_path):
     with atomic_write(file) as temporary:
         temporary.write_text("new")
     assert file.read_text() == "new"
-
-
-def test_probe_leaves_nothing(tmp_path):
-    probe_writing(tmp_path, 3_000_001)
-    assert list(tmp_path.iterdir()) == []
-    with pytest.raises(OSError):
-        probe_writing(tmp_path / "none", 1)
 
 
 # -- netCDF ------------------------------------------------------------------------------------------------------------
@@ -178,3 +169,20 @@ def test_files_of_others_and_files_written_anew_are_read(written, tmp_path):
     """They carry no seal."""
     written[0].to_netcdf(tmp_path / "theirs.nc", engine="h5netcdf")
     xr.testing.assert_identical(load_dataset(tmp_path / "theirs.nc"), written[0])
+
+
+def test_a_full_disk_is_found_beforehand(tmp_path, monkeypatch):
+    require_writable(tmp_path / "run.npz")
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(ValueError, match="No such file or directory; give a folder"):
+        require_writable(tmp_path / "none" / "run.npz")
+
+    def full(number):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ValueError, match=r"run\.npz cannot be written: No space left on device"):
+        require_writable(tmp_path / "run.npz")
+    with pytest.raises(OSError, match="No space left"), atomic_write(tmp_path / "table.txt") as temporary:
+        temporary.write_text("new")
+    assert list(tmp_path.iterdir()) == []
