@@ -34,7 +34,7 @@ def write(folder, text, name="mine.py"):
         ("def f():\n    return f()\ndef _g(): ...\nf()\n", r"line 2: RecursionError"),
         ("class A:\n    pass\nA().b\n", r"line 3: AttributeError: 'A' object has no attribute 'b'"),
         ("def car(:\n", r"is not Python, line 1: SyntaxError: invalid syntax"),
-        ("x = 1\n\x00\n", r"is not Python: source code string cannot contain null bytes"),
+        ("x = 1\n\x00\n", r"is not Python: .*source code string cannot contain null bytes"),
         ("name = 'käse'\n".encode("latin-1"), r"is not Python.*'utf-8' codec can't decode"),
         ("# coding: no-such\n", r"is not Python.*unknown encoding"),
         ("\ufeff" * 2, r"is not Python"),
