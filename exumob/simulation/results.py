@@ -11,6 +11,8 @@ from exumob.ground.terrain import Terrain
 from exumob.multibody.energy_account import WORK_KINDS
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.description import RunDescription
+from exumob.simulation.summary import range_shares
+from exumob.simulation.trust import trust_of
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.support.provenance import parameters_json, provenance
@@ -155,6 +157,7 @@ def build_dataset(
         "coupling": type(run.coupling).__name__,
         "parameters": parameters_json(run.parts()),
         **wall_times,
+        **trust_of(run, *range_shares(dataset).values()).attributes(),
     }
     return dataset
 

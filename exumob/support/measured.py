@@ -1,0 +1,19 @@
+"""What was measured of the models' errors: the table that every result's line of trust is made from."""
+
+from __future__ import annotations
+
+import functools
+import json
+from typing import Any
+
+from exumob.support.files import PACKAGE
+
+MEASURED_FILE = PACKAGE / "support" / "measured_errors.json"
+"""The table; `studies/measured_errors.py` writes it, and it names the command and the source of each figure."""
+
+
+@functools.cache
+def measured_errors() -> dict[str, Any]:
+    """Return the table (see `studies/measured_errors.py` for its entries)."""
+    found: dict[str, Any] = json.loads(MEASURED_FILE.read_text())
+    return found
