@@ -117,12 +117,12 @@ def trust_of(run: RunDescription, out_of_range: float | None = None, fallback: f
     return _together([(run, out_of_range, fallback)])
 
 
-def trust_of_all(runs: Iterable[RunDescription], out_of_range: float | None = None) -> Trust:
+def trust_of_all(runs: Iterable[RunDescription]) -> Trust:
     """Compare many runs with one model, those of a sweep or a map, with those whose errors were measured.
 
-    What differs is named once, with its range over all runs. A mixture of models is described by the first run.
+    What differs is named once, with its range over all runs. All have the model of the first one.
     """
-    return _together([(run, out_of_range, None) for run in runs])
+    return _together([(run, None, None) for run in runs])
 
 
 def coefficients_off() -> str:
