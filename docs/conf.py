@@ -1,7 +1,9 @@
 """Configuration of the documentation: `sphinx-build -W --keep-going -b html docs docs/_build/html`."""
 
+import dataclasses
 import importlib
 import os
+import pkgutil
 import re
 import subprocess
 import sys
@@ -14,6 +16,10 @@ from sphinx.ext import autodoc, autosummary
 os.environ["NUMBA_DISABLE_JIT"] = "1"  # compiled kernels are documented as the functions that they are
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE)]  # vehicle_models and studies; the extension mathml
+
+import exumob  # noqa: E402  after the switch of Numba
+from exumob.support.declared import Declared, declared_fields  # noqa: E402
+from exumob.support.quantities import shown  # noqa: E402
 
 LONGEST_VALUE = 200
 """Longest value of a constant that is shown [characters]."""
@@ -149,6 +155,64 @@ def exported_names(app):
         )
 
 
+def declared_classes():
+    """All classes of the package whose fields are declared, by module."""
+    for module in pkgutil.walk_packages(exumob.__path__, "exumob."):
+        if module.name.startswith(("exumob.commands", "exumob.learning.torch_networks")):
+            continue
+        for thing in vars(importlib.import_module(module.name)).values():
+            public = isinstance(thing, type) and thing.__module__ == module.name and not thing.__name__.startswith("_")
+            if public and issubclass(thing, Declared) and thing is not Declared:
+                yield thing
+
+
+def limits_of(quantity):
+    """Unit and limits of a declared number, in words."""
+    if quantity is None:
+        return ""
+    between = "" if quantity.plausible is None else "plausible {:.6g} to {:.6g}".format(*quantity.plausible)
+    return "; ".join(part for part in (quantity.unit, quantity.bounds, between) if part)
+
+
+def parameter_tables(app):
+    """Write the tables of all parameters as the declarations say them: unit, limits, plausible range, default."""
+    lines = []
+    for owner in declared_classes():
+        lines += ["", f"## {owner.__name__}", "", f"{{py:obj}}`{owner.__module__}.{owner.__name__}`", ""]
+        lines += ["| field | unit | must be | plausible | default | meaning |", "|---|---|---|---|---|---|"]
+        for field in declared_fields(owner):
+            quantity = field.quantity
+            needed = field.default is dataclasses.MISSING
+            value = f"{field.default:.6g}" if isinstance(field.default, float) else shown(field.default, 24)
+            default = "needed" if needed else f"`{value}`" if field.default != "" else ""
+            between = "" if not quantity or not quantity.plausible else "{:.6g} to {:.6g}".format(*quantity.plausible)
+            cells = (
+                f"`{field.name}`", quantity.symbol if quantity else "", quantity.bounds if quantity else "", between,
+                default, " ".join(field.meaning.split()),
+            )  # fmt: skip
+            row = [
+                cell.replace("|", "\\|").replace("<", "\\<").replace("_", "\\_")
+                if "`" not in cell
+                else cell.replace("|", "\\|")
+                for cell in cells
+            ]
+            lines.append(f"| {' | '.join(row)} |")
+    write_if_changed("parameters.md", "\n".join([*lines, ""]))
+
+
+def declared_limits(app, what, name, obj, options, lines):
+    """Say unit and limits of a declared field below its text."""
+    owner, _, field = name.rpartition(".")
+    module, _, cls = owner.rpartition(".")
+    if what != "attribute" or not module.startswith("exumob."):
+        return
+    thing = getattr(sys.modules.get(module), cls, None)
+    if isinstance(thing, type) and issubclass(thing, Declared):
+        found = {f.name: f for f in declared_fields(thing)}.get(field)
+        if found is not None and found.quantity is not None:
+            lines += ["", f"[{limits_of(found.quantity)}]", ""]
+
+
 def write_if_changed(name, text):
     """Write a generated page, but only where it is new, so that sphinx reads again only what has changed."""
     target = HERE / "_generated" / name
@@ -172,5 +236,7 @@ def setup(app):
     app.connect("config-inited", forget_moved_modules)
     app.connect("builder-inited", command_line_reference)
     app.connect("builder-inited", exported_names)
+    app.connect("builder-inited", parameter_tables)
     app.connect("include-read", repository_links)
+    app.connect("autodoc-process-docstring", declared_limits, priority=300)
     app.connect("autodoc-process-docstring", plain_docstrings, priority=400)

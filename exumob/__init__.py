@@ -12,6 +12,7 @@ from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.simulation.run import simulate
 from exumob.simulation.summary import summary
 from exumob.support.errors import SimulationError, SimulationInterrupted
+from exumob.support.quantities import ImplausibleValue, unusual
 from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones
 from exumob.vehicle.vehicle_file import load_vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
@@ -23,6 +24,7 @@ __all__ = [
     "ConstantSteer",
     "Hull",
     "Hydrodynamics",
+    "ImplausibleValue",
     "LaneChange",
     "NoWater",
     "PathFollowing",
@@ -44,5 +46,6 @@ __all__ = [
     "save_dataset",
     "simulate",
     "summary",
+    "unusual",
     "wheel_soil_forces",
 ]

@@ -42,6 +42,7 @@ def main(
     """Predict how an off-road vehicle moves through shallow water on soft soil."""
     handler = RichHandler(console=errors, show_time=False, show_path=False)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
+    logging.getLogger("exumob.support.cost").setLevel(logging.INFO)  # what a run will take
 
 
 COMMANDS: dict[str, Callable[..., None]] = {

@@ -22,7 +22,7 @@ from common import CFD_RUNS, FIGURES, add_workers, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob import Soil, load_dataset
-from exumob.mobility.crossing import FAILURES, Crossing, Limits, judge
+from exumob.mobility.crossing import FAILURES, Crossing, Limits, judge_crossing
 from exumob.mobility.map import Axis, MobilityMap, compute_map
 from exumob.mobility.map_figure import plot_map
 from exumob.paper.scenarios import UNSEEN, Scenario
@@ -81,7 +81,7 @@ def against_flow(experiment: Experiment, folder: Path, workers: int) -> xr.Datas
     scenarios = [Scenario.named(name) for name in runs]
     cases = [{"water.depth_ratio": s.depth_ratio, "water.current_speed": s.current_speed} for s in scenarios]
     swept = sweep(Crossing(experiment, LIMITS), cases, folder, workers=workers)
-    true = [judge(run, Limits()) for run in runs.values()]
+    true = [judge_crossing(run, Limits()) for run in runs.values()]
     found = xr.Dataset(
         {
             "speed_flow": ("scenario", [t["speed"] for t in true], {"units": "m s-1"}),

@@ -47,6 +47,13 @@ class Closure(StrEnum):
     NONE = "none"
 
 
+class Surface(StrEnum):
+    """Transports of the free surface by name."""
+
+    thinc = "thinc"
+    plic = "plic"
+
+
 def captive_command(  # one argument an option of the command line
     speed: Annotated[float, option(RUN, "Speed over ground, along the tank [m/s].")] = 1.0,
     depth: Annotated[float, option(RUN, "Depth of the water [m].")] = 0.12,
@@ -76,8 +83,8 @@ def captive_command(  # one argument an option of the command line
         Closure, option(EXPERT, "Turbulence model: Smagorinsky, k-omega SST, or none (laminar).")
     ] = Closure.SMAGORINSKY,
     surface: Annotated[
-        str, option(EXPERT, "Transport of the free surface: thinc, or plic as a cross-check.")
-    ] = "thinc",
+        Surface, option(EXPERT, "Transport of the free surface: thinc, or plic as a cross-check.")
+    ] = Surface.thinc,
     threads: Threads = 1,
 ) -> None:
     """Tow a vehicle through water on a prescribed path and find the loads on its five bodies.
@@ -102,7 +109,9 @@ def captive_command(  # one argument an option of the command line
         models: dict[Closure, Smagorinsky | KOmegaSST | None] = {
             Closure.SMAGORINSKY: Smagorinsky(), Closure.K_OMEGA_SST: KOmegaSST(), Closure.NONE: None
         }  # fmt: skip
-        settings = FlowSettings(threads=threads, closure=models[closure], surface=surface)
+        settings = FlowSettings(
+            threads=threads, closure=models[closure], surface="plic" if surface is Surface.plic else "thinc"
+        )
         series = VtkSeries(vtk, car) if vtk else None
     except (ValueError, OSError, ImportError) as error:
         fail(error)

@@ -32,22 +32,19 @@ from exumob.commands.options import (
     VehicleFile,
     option,
 )
+from exumob.commands.report import report_run
 from exumob.commands.shared import (
     check_targets,
-    console,
     errors,
     fail,
     simulated_time_bar,
     vehicle_of,
     whatever_was_computed,
-    write_result,
 )
 from exumob.coupling.scheme import Coupling
 from exumob.simulation.settings import DURATION, SETTINGS, SOIL
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from exumob.coupling.flow_in_loop import CfdHydrodynamics
     from exumob.water.conditions import Water
     from exumob.water.hydrodynamics import Hydrodynamics
@@ -183,7 +180,7 @@ def lane_change_command(  # one argument an option of the command line
     if code and checkpoint is not None and checkpoint.exists():
         errors.print(f"{checkpoint} holds the run: the same command with --resume goes on.", soft_wrap=True)
     measured = vehicle is None and hydrodynamics is not WaterModel.cfd and micro_step is None and macro_step is None
-    _report(result, targets, f"{setting.value}: {SETTINGS[setting.value].error}" if measured else "")
+    report_run(result, targets, f"{setting.value}: {SETTINGS[setting.value].error}" if measured else "")
     raise typer.Exit(code)
 
 
@@ -216,60 +213,3 @@ def _scheme(name: Scheme) -> Coupling:
     from exumob.coupling.strong import Strong
 
     return {Scheme.explicit: Explicit, Scheme.semi_implicit: SemiImplicit, Scheme.strong: Strong}[name]()
-
-
-def _report(result: xr.Dataset, targets: dict[str, Path | None], setting: str) -> None:
-    from exumob.simulation.animation import animate_run
-    from exumob.simulation.plotting import plot_run
-    from exumob.simulation.summary import summary
-
-    if result.sizes["time"] > 1:
-        _print_summary(result, summary(result), setting)
-    animate: Callable[[xr.Dataset, Path], None] = animate_run
-    if "hydrodynamics_elevation" in result:
-        from exumob.flow.output.pictures import animate_surface as animate
-    write_result(result, targets, plot_run, animate)
-
-
-def _print_summary(result: xr.Dataset, figures: dict[str, float], setting: str) -> None:
-    from exumob.simulation.plotting import water_label
-
-    lines = {
-        "run": f"{result.attrs['title'].removeprefix('exumob run of ')}, {water_label(result)}; "
-        f"{result.attrs['status'].split(':')[0]}",
-        "distance": f"{figures['distance']:.3f} m along the path, {figures['forward']:.3f} m forward",
-        "lateral displacement": f"{figures['lateral']:+.3f} m",
-        "final yaw": f"{math.degrees(figures['yaw']):+.2f} deg",
-        "drift angle": f"{math.degrees(figures['drift_angle']):+.2f} deg (course less heading, at the end)",
-        "slip": f"{100 * figures['mean_slip']:.1f} % (mean of the wheels, second half)",
-        "buoyed weight": f"{100 * figures['buoyed_share']:.1f} % carried by the water (mean)",
-        "driving energy": f"{figures['spin_energy']:.1f} J",
-        **({"setting": setting} if setting else {}),
-        **_range_lines(figures),
-        **_member_lines(figures),
-        "wall time": f"{figures['wall_time']:.2f} s, and {float(result.attrs['settling_wall_time']):.2f} s to settle",
-        "real-time factor": f"{figures['real_time_factor']:.2f} (simulated over wall time)",
-    }
-    for name, text in lines.items():
-        console.print(f"{name:<21} {text}", soft_wrap=True)
-
-
-def _range_lines(figures: dict[str, float]) -> dict[str, str]:
-    """Say how long the vehicle was outside the networks' training range."""
-    if "out_of_range_share" not in figures:
-        return {}
-    return {
-        "training range": f"left for {100 * figures['out_of_range_share']:.1f} % of the time; coefficient model's "
-        f"share of the loads {100 * figures['fallback_share']:.1f} %"
-    }
-
-
-def _member_lines(figures: dict[str, float]) -> dict[str, str]:
-    """Say how far the runs of the single networks end from each other."""
-    if "forward_spread" not in figures:
-        return {}
-    return {
-        "members' spread": f"of {figures['members']:.0f}: {1e3 * figures['forward_spread']:.0f} mm forward, "
-        f"{1e3 * figures['lateral_spread']:.0f} mm lateral, "
-        f"{math.degrees(figures['yaw_spread']):.2f} deg (standard deviations at the end)"
-    }

@@ -8,10 +8,12 @@ coupling, checkpoints). A code in another process or on another machine is reach
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 import xarray as xr
 
+from exumob.flow.cost import FlowCost, flow_cost, require_room
+from exumob.flow.grid import CELL_SIZE as CELL_WIDTH
 from exumob.flow.grid import Grid
 from exumob.flow.output.snapshots import Snapshot, snapshots_dataset
 from exumob.flow.poses import Poses
@@ -20,7 +22,8 @@ from exumob.flow.settings import FlowSettings
 from exumob.flow.solver import FlowSolver
 from exumob.flow.vehicle_window import vehicle_window
 from exumob.support.arrays import Array
-from exumob.support.checks import require_positive
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 
@@ -130,11 +133,16 @@ class BuiltInFlow:
         Interval at which the free surface is kept from the release on [s], for `exumob.flow.output.pictures`.
     """
 
+    @checked
     def __init__(
-        self, cell_size: float = CELL_SIZE, *, grid: Grid | None = None, settings: FlowSettings | None = None,
-        allow_coarse: bool = False, snapshots: float | None = None,
-    ) -> None:  # fmt: skip
-        require_positive("BuiltInFlow", cell_size=cell_size, **({} if snapshots is None else {"snapshots": snapshots}))
+        self,
+        cell_size: Annotated[float, CELL_WIDTH] = CELL_SIZE,
+        *,
+        grid: Grid | None = None,
+        settings: FlowSettings | None = None,
+        allow_coarse: bool = False,
+        snapshots: Annotated[float | None, Quantity("s", at_least=1e-6, at_most=1e6)] = None,
+    ) -> None:
         settings = FlowSettings() if settings is None else settings
         if settings.follow != 0:
             raise ValueError(f"BuiltInFlow.settings: FlowSettings.follow = {settings.follow}; it must be 0, the hull.")
@@ -146,7 +154,9 @@ class BuiltInFlow:
         """The chosen settings, as kept in results."""
         self.interval = snapshots
         self.snapshots: list[Snapshot] = []
-        self._built: tuple[Vehicle, Water] | None = None
+        self.steering_range: tuple[float, float] | None = None
+        """Smallest and largest angle of a front wheel during the run [rad]; None: up to the vehicle's limit"""
+        self._built: tuple[Vehicle, Water, tuple[float, float]] | None = None
 
     def start(self, vehicle: Vehicle, water: Water, poses: Poses, time: float) -> None:
         """Build grid and solids, unless they are those of the last start, and fill the window. See `FlowCode`.
@@ -154,17 +164,38 @@ class BuiltInFlow:
         Raises
         ------
         ValueError
-            If the cells cannot resolve a gap or a wheel at any angle that the front wheels can take.
+            If the cells cannot resolve a gap or a wheel at any angle that the front wheels take during the run.
         """
-        if self._built != (vehicle, water):
-            grid = vehicle_window(vehicle, self.cell_size, water) if self.grid is None else self.grid
+        angles = self.steering_range
+        if angles is None:
             limit = vehicle.steering.limit
-            angles = [m[0] for command in (-limit, limit) for m in vehicle.steering_angles((command, 0.0, 0.0))]
-            solids = checked_solids(vehicle, grid, (min(angles), max(angles)), self.allow_coarse)
+            largest = [m[0] for command in (-limit, limit) for m in vehicle.steering_angles((command, 0.0, 0.0))]
+            angles = min(largest), max(largest)
+        if self._built != (vehicle, water, angles):
+            grid = self._grid_round(vehicle, water)
+            solids = checked_solids(vehicle, grid, angles, self.allow_coarse)
             self.solver = FlowSolver(grid, solids, water, self.settings)
-            self._built = vehicle, water
+            self._built = vehicle, water, angles
         self.solver.start(poses, time)
         self.snapshots = []
+
+    def cost(self, vehicle: Vehicle, water: Water, speed: float, duration: float, interval: float) -> FlowCost:
+        """Estimate what a run takes; see `exumob.flow.cost.flow_cost`.
+
+        Raises
+        ------
+        ValueError
+            If there is no memory for it.
+        """
+        grid = self._grid_round(vehicle, water)
+        require_room("BuiltInFlow.grid", grid)
+        settings = self.settings
+        return flow_cost(
+            grid.n_cells, grid.smallest_width, speed, duration, interval, settings.courant, settings.threads
+        )
+
+    def _grid_round(self, vehicle: Vehicle, water: Water) -> Grid:
+        return vehicle_window(vehicle, self.cell_size, water) if self.grid is None else self.grid
 
     def advance(self, time: float, poses: Poses) -> Array:
         """See `FlowCode`."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from typing import Any
 
 import numpy as np
@@ -18,9 +18,11 @@ import xarray as xr
 
 from exumob.coupling.flow_code import CELL_SIZE, BuiltInFlow, FlowCode
 from exumob.coupling.spin_up import FlowSpinUp, poses_between, poses_during_ramp
+from exumob.flow.cost import FlowCost
 from exumob.flow.poses import Poses
 from exumob.support.arrays import Array
 from exumob.support.checks import require_positive
+from exumob.support.declared import checked
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
@@ -50,10 +52,16 @@ class CfdHydrodynamics:
         Called with the time [s], negative before the release, during the spin-up.
     """
 
+    @checked
     def __init__(
-        self, flow: FlowCode | None = None, *, cell_size: float | None = None, allow_coarse: bool = False,
-        spin_up: FlowSpinUp | None = None, progress: Callable[[float], None] | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        flow: FlowCode | None = None,
+        *,
+        cell_size: float | None = None,
+        allow_coarse: bool = False,
+        spin_up: FlowSpinUp | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
         if flow is not None and (cell_size is not None or allow_coarse):
             raise ValueError(
                 "CfdHydrodynamics: cell_size and allow_coarse are those of the own solver; give them to flow, as in "
@@ -77,6 +85,44 @@ class CfdHydrodynamics:
     def _forget(self) -> None:
         self._times: list[float] = []
         self._reports: list[dict[str, float]] = []
+
+    # -- before the run ---------------------------------------------------------------------------------------------
+
+    def expect_steering(self, smallest: float, largest: float) -> None:
+        """Take the smallest and the largest angle of a front wheel during the run [rad]; `simulate` says them.
+
+        The built-in solver checks its cells at these angles, and without them up to the vehicle's steering limit.
+        """
+        if isinstance(self.flow, BuiltInFlow):
+            self.flow.steering_range = smallest, largest
+
+    def cost(
+        self, vehicle: Vehicle, water: Water, speed: float, duration: float, macro_step: float, advances: float
+    ) -> FlowCost | None:
+        """Estimate what a run takes with the built-in solver, spin-up included; None with another flow code.
+
+        Parameters
+        ----------
+        vehicle : Vehicle
+        water : Water
+        speed : float
+            Largest speed through the water [m/s].
+        duration, macro_step : float
+            Of the run [s].
+        advances : float
+            Advances of the flow in a macro step, on average.
+
+        Raises
+        ------
+        ValueError
+            If there is no memory for it.
+        """
+        if not isinstance(self.flow, BuiltInFlow):
+            return None
+        plan = self.spin_up
+        held = self.flow.cost(vehicle, water, water.current_speed, plan.duration(water), plan.interval)
+        run = self.flow.cost(vehicle, water, speed, duration, macro_step)
+        return replace(run, steps=held.steps + advances * run.steps, seconds=held.seconds + advances * run.seconds)
 
     # -- before the release -----------------------------------------------------------------------------------------
 

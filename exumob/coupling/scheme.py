@@ -26,6 +26,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.support.arrays import Array
+from exumob.support.declared import Declared
 from exumob.support.errors import SimulationError
 from exumob.vehicle.motion import BodyStates
 from exumob.water.hydrodynamics import Hydrodynamics
@@ -218,7 +219,7 @@ class Trace:
 
 
 @dataclass(kw_only=True, eq=False)
-class Scheme:
+class Scheme(Declared):
     """Fields and functions that the schemes share."""
 
     within_step: WithinStep = "linear"
@@ -227,6 +228,7 @@ class Scheme:
     or 5e-6 of the amplitude)"""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.trace = Trace(self.within_step)
 
     @property

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from exumob.coupling.scheme import Mechanism, Scheme, checked_wrenches, lasting_history, relative_difference
 from exumob.support.arrays import Array
-from exumob.support.checks import require_positive
+from exumob.support.quantities import Quantity
 from exumob.vehicle.motion import BodyStates
 from exumob.water.hydrodynamics import Hydrodynamics
 
@@ -45,16 +45,15 @@ class SemiImplicit(Scheme):
     and grows: this shows that D has become too small, as when a keel gets wet.
     """
 
-    renewal: float = 0.25
+    renewal: Annotated[float, Quantity("s", at_least=1e-4, at_most=1e6)] = 0.25
     """Interval between measurements of D [s]"""
-    disturbance: float = 0.01
+    disturbance: Annotated[float, Quantity("m/s", at_least=1e-8, at_most=10.0)] = 0.01
     """Change of velocity with which D is measured [m/s]; of angular velocity: over `lever`"""
-    lever: float = 0.3
+    lever: Annotated[float, Quantity("m", at_least=1e-4, at_most=1e3)] = 0.3
     """Length that makes angular velocities and moments comparable to velocities and forces [m]"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive("SemiImplicit", renewal=self.renewal, disturbance=self.disturbance, lever=self.lever)
         self.response = WaterResponse()
 
     def start(self) -> None:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from exumob.driving.maneuver import smooth_step
+from exumob.driving.maneuver import RAMP_TIME, smooth_step
 from exumob.flow.poses import Poses
-from exumob.support.checks import require_positive, require_within
+from exumob.support.declared import Declared, checked
+from exumob.support.quantities import Quantity
 from exumob.water.conditions import Water
 
 
 @dataclass(frozen=True)
-class FlowSpinUp:
+class FlowSpinUp(Declared):
     """Plan of the spin-up, in the order of its parts: ramp, hold, adjustment.
 
     The vehicle first drifts with the current, so that the water is undisturbed, and is brought to rest within `ramp`.
@@ -25,20 +27,21 @@ class FlowSpinUp:
     wrenches found during `hold`, and is moved to its new place of rest during `adjustment`.
     """
 
-    ramp: float = 1.0
+    ramp: Annotated[float, RAMP_TIME] = 1.0
     """From drifting with the current to rest [s]; left out in calm water"""
-    hold: float = 0.5
+    hold: Annotated[float, RAMP_TIME] = 0.5
     """At rest, after the ramp [s]; the mean wrenches are taken over its second half"""
-    adjustment: float = 0.5
+    adjustment: Annotated[float, RAMP_TIME] = 0.5
     """From the first to the final place of rest, in the first half, and waiting there, in the second [s]"""
-    interval: float = 4.0e-3
+    interval: Annotated[float, Quantity("s", at_least=1e-6, at_most=1.0)] = 4.0e-3
     """Between the poses given to the flow before the adjustment [s]; the adjustment is made in macro steps"""
 
-    def __post_init__(self) -> None:
-        require_positive(
-            "FlowSpinUp", ramp=self.ramp, hold=self.hold, adjustment=self.adjustment, interval=self.interval
-        )  # fmt: skip
-        require_within("FlowSpinUp", 0.0, 0.25 * self.hold, "use a shorter interval.", interval=self.interval)
+    def _check(self) -> None:
+        if self.interval > 0.25 * self.hold:
+            raise ValueError(
+                f"FlowSpinUp.interval = {self.interval:g} s must be at most a quarter of hold = {self.hold:g} s; use a "
+                "shorter interval."
+            )
 
     def ramp_in(self, water: Water) -> float:
         """Return the duration of the ramp in this water [s]: 0 without a current."""
@@ -49,7 +52,13 @@ class FlowSpinUp:
         return math.fsum((self.ramp_in(water), self.hold, self.adjustment))
 
 
-def poses_during_ramp(rest: Poses, water: Water, elapsed: float, ramp: float) -> Poses:
+@checked
+def poses_during_ramp(
+    rest: Poses,
+    water: Water,
+    elapsed: Annotated[float, Quantity("s", at_least=0.0, at_most=1e9)],
+    ramp: Annotated[float, Quantity("s", at_least=0.0, at_most=1e9)],
+) -> Poses:
     """Return the poses of bodies that drift with the current at first and come to rest at the end of a ramp.
 
     Parameters
@@ -74,7 +83,13 @@ def poses_during_ramp(rest: Poses, water: Water, elapsed: float, ramp: float) ->
     )  # fmt: skip
 
 
-def poses_between(begin: Poses, end: Poses, part: float, duration: float) -> Poses:
+@checked
+def poses_between(
+    begin: Poses,
+    end: Poses,
+    part: Annotated[float, Quantity("1", at_least=0.0, at_most=1e9)],
+    duration: Annotated[float, Quantity("s", at_least=1e-6, at_most=1e9)],
+) -> Poses:
     """Return the poses of bodies that move smoothly from one place of rest to another.
 
     Parameters
@@ -87,6 +102,10 @@ def poses_between(begin: Poses, end: Poses, part: float, duration: float) -> Pos
     """
     from scipy.spatial.transform import Rotation
 
+    if len(begin.position) != len(end.position):
+        raise ValueError(
+            f"poses_between: {len(begin.position)} poses at the begin and {len(end.position)} at the end; give as many."
+        )
     if part >= 1.0:
         return end
     share, growth, _ = smooth_step(part)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from exumob.coupling.scheme import Mechanism, Scheme, checked_wrenches, lasting_history, relative_difference
 from exumob.support.arrays import Array
-from exumob.support.checks import require_within
 from exumob.support.errors import SimulationError
+from exumob.support.quantities import Quantity
 from exumob.water.hydrodynamics import Hydrodynamics
 
 
@@ -26,23 +26,17 @@ class Strong(Scheme):
     """
 
     method: Literal["iqn-ils", "aitken"] = "iqn-ils"
-    tolerance: float = 1.0e-3
+    tolerance: Annotated[float, Quantity("1", at_least=1e-8, at_most=0.5)] = 1.0e-3
     """Largest |G - F| over |G|; forces in N and moments in N m together [-]"""
-    iterations: int = 30
+    iterations: Annotated[int, Quantity("1", at_least=2, at_most=1000)] = 30
     """Most advances of the water in one step"""
-    relaxation: float = 0.3
+    relaxation: Annotated[float, Quantity("1", at_least=1e-3, at_most=1.0)] = 0.3
     """Relaxation factor of the first iteration, before anything is learnt [-]"""
-    reused: int = 8
+    reused: Annotated[int, Quantity("1", at_least=0, at_most=100)] = 8
     """Steps whose differences the quasi-Newton method remembers"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.method not in ("iqn-ils", "aitken"):
-            raise ValueError(f"Strong.method = {self.method!r} is not known; use 'iqn-ils' or 'aitken'.")
-        require_within("Strong", 1e-8, 0.5, tolerance=self.tolerance)
-        require_within("Strong", 2, 1000, iterations=self.iterations)
-        require_within("Strong", 1e-3, 1.0, relaxation=self.relaxation)
-        require_within("Strong", 0, 100, reused=self.reused)
         self.memory = DifferenceMemory(self.reused)
 
     def start(self) -> None:

@@ -10,17 +10,27 @@ import hashlib
 import logging
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, make_interp_spline
 
-from exumob.support.checks import require_finite, require_positive, require_within
+from exumob.support.declared import Declared, checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Motion, Vehicle
 
 logger = logging.getLogger(__name__)
+
+SHORTEST = 1e-3
+"""Shortest time of a ramp or of a steering period [s]: what is faster is a blow, not a maneuver."""
+STEERING_ANGLE = Quantity("rad", at_least=-math.radians(80.0), at_most=math.radians(80.0))
+"""Angle of the front wheels, positive to the left"""
+WHEEL_SPEED = Quantity("rad/s", at_least=-1e4, at_most=1e4, plausible=(-500.0, 500.0))
+"""Spin of the wheels, positive forward"""
+RAMP_TIME = Quantity("s", at_least=SHORTEST, at_most=1e6)
+"""Time of a ramp"""
 
 
 class Maneuver(Protocol):
@@ -85,31 +95,29 @@ def ramp(time: float, duration: float, final: float) -> Motion:
 
 
 @dataclass(frozen=True)
-class LaneChange:
+class LaneChange(Declared):
     """The paper's single lane change (Fig. 5): wheel speed ramped up, then one sine period of steering.
 
     The sine is faded in and out by a quintic step over the first and last tenth of its period, so that the angle is C2
     everywhere; its peaks are untouched.
     """
 
-    amplitude: float = math.radians(30.0)
-    """Steering amplitude [rad]; positive turns left first, negative is the mirror case"""
-    start: float = 2.0
-    """Time at which the steering begins [s]"""
-    end: float = 5.5
-    """Time at which the steering ends [s]"""
-    speed: float = 10.0
-    """Final wheel speed [rad/s]"""
-    ramp_time: float = 1.0
-    """Time from rest to the final wheel speed [s]"""
+    amplitude: Annotated[float, STEERING_ANGLE] = math.radians(30.0)
+    """Steering amplitude; positive turns left first, negative is the mirror case"""
+    start: Annotated[float, Quantity("s", at_least=0.0, at_most=1e6)] = 2.0
+    """Time at which the steering begins"""
+    end: Annotated[float, Quantity("s", above=0.0, at_most=1e6)] = 5.5
+    """Time at which the steering ends"""
+    speed: Annotated[float, WHEEL_SPEED] = 10.0
+    """Final wheel speed"""
+    ramp_time: Annotated[float, RAMP_TIME] = 1.0
+    """Time from rest to the final wheel speed"""
 
-    def __post_init__(self) -> None:
-        require_within("LaneChange", -math.radians(80.0), math.radians(80.0), amplitude=self.amplitude)
-        require_finite("LaneChange", speed=self.speed, start=self.start)
-        require_positive("LaneChange", ramp_time=self.ramp_time, end=self.end)
-        if not 0.0 <= self.start < self.end:
+    def _check(self) -> None:
+        if self.end - self.start < SHORTEST:
             raise ValueError(
-                f"LaneChange.start = {self.start} s must be >= 0 and before end = {self.end} s; move one of them."
+                f"LaneChange.start = {self.start:g} s must be {SHORTEST:g} s at least before end = {self.end:g} s; "
+                "move one of them."
             )
 
     def steering(self, time: float) -> Motion:
@@ -136,20 +144,15 @@ class LaneChange:
 
 
 @dataclass(frozen=True)
-class ConstantSteer:
+class ConstantSteer(Declared):
     """Wheel speed ramped up, then a steering angle ramped up and held: straight driving, circles, standing still."""
 
-    angle: float = 0.0
-    """Final steering angle [rad]"""
-    speed: float = 10.0
-    """Final wheel speed [rad/s]; 0: the vehicle stands on locked wheels"""
-    ramp_time: float = 1.0
-    """Time of the ramp of the wheel speed, and then of the ramp of the steering [s]"""
-
-    def __post_init__(self) -> None:
-        require_within("ConstantSteer", -math.radians(80.0), math.radians(80.0), angle=self.angle)
-        require_finite("ConstantSteer", speed=self.speed)
-        require_positive("ConstantSteer", ramp_time=self.ramp_time)
+    angle: Annotated[float, STEERING_ANGLE] = 0.0
+    """Final steering angle"""
+    speed: Annotated[float, WHEEL_SPEED] = 10.0
+    """Final wheel speed; 0: the vehicle stands on locked wheels"""
+    ramp_time: Annotated[float, RAMP_TIME] = 1.0
+    """Time of the ramp of the wheel speed, and then of the ramp of the steering"""
 
     def steering(self, time: float) -> Motion:
         """Return the mean front-wheel angle [rad], its rate and acceleration."""
@@ -180,16 +183,22 @@ class Recorded:
         If shapes differ, times do not increase from 0, or the wheels do not start at rest.
     """
 
-    def __init__(self, time: ArrayLike, steering: ArrayLike, wheel_speed: ArrayLike) -> None:
+    @checked
+    def __init__(
+        self,
+        time: Annotated[ArrayLike, Quantity("s", at_least=0.0, at_most=1e6, shape=("n",))],
+        steering: Annotated[
+            ArrayLike, Quantity("rad", at_least=-math.radians(80.0), at_most=math.radians(80.0), shape=("n",))
+        ],
+        wheel_speed: Annotated[ArrayLike, Quantity("rad/s", at_least=-1e4, at_most=1e4, shape=("n",))],
+    ) -> None:
         """Fit the splines."""
-        t, angle, speed = (np.asarray(a, dtype=float) for a in (time, steering, wheel_speed))
-        if t.ndim != 1 or len(t) < 4 or t.shape != angle.shape or t.shape != speed.shape:
+        t, angle, speed = np.asarray(time), np.asarray(steering), np.asarray(wheel_speed)
+        if len(t) < 4 or t.shape != angle.shape or t.shape != speed.shape:
             raise ValueError(
                 f"Recorded: time {t.shape}, steering {angle.shape} and wheel_speed {speed.shape} must be equally long "
                 "series of at least 4 samples."
             )
-        if not (np.isfinite(t).all() and np.isfinite(angle).all() and np.isfinite(speed).all()):
-            raise ValueError("Recorded: a sample is not finite; remove or fill the gaps.")
         if t[0] != 0.0 or (np.diff(t) <= 0.0).any():
             raise ValueError("Recorded.time must increase from 0 s; shift or sort the samples.")
         if speed[0] != 0.0:
@@ -228,6 +237,8 @@ class Recorded:
         return self._motion(self._speed, time)
 
 
-def lane_change(amplitude: float = math.radians(30.0), speed: float = 10.0) -> LaneChange:
+def lane_change(
+    amplitude: Annotated[float, STEERING_ANGLE] = math.radians(30.0), speed: Annotated[float, WHEEL_SPEED] = 10.0
+) -> LaneChange:
     """Return the reference maneuver: 10 rad/s, one sine of 30 deg from 2.0 to 5.5 s (paper Fig. 5)."""
     return LaneChange(amplitude=amplitude, speed=speed)

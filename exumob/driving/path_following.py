@@ -14,14 +14,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
 
-from exumob.driving.maneuver import ramp, smooth_step
+from exumob.driving.maneuver import RAMP_TIME, WHEEL_SPEED, ramp, smooth_step
 from exumob.support.arrays import Array
-from exumob.support.checks import require_finite, require_positive, require_within
+from exumob.support.declared import Declared, checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Motion, Vehicle
 
@@ -35,9 +36,17 @@ INTEGRAL_LIMIT = math.radians(15.0)
 
 Point = tuple[float, float]
 """World x, y [m]."""
+PLACE = Quantity("m", at_least=-1e8, at_most=1e8)
+"""World coordinate"""
 
 
-def lane_shift(offset: float = 0.5, start: float = 1.0, length: float = 2.5, end: float = 20.0) -> tuple[Point, ...]:
+@checked
+def lane_shift(
+    offset: Annotated[float, PLACE] = 0.5,
+    start: Annotated[float, Quantity("m", at_least=0.0, at_most=1e6)] = 1.0,
+    length: Annotated[float, Quantity("m", above=1e-3, at_most=1e6)] = 2.5,
+    end: Annotated[float, PLACE] = 20.0,
+) -> tuple[Point, ...]:
     """Return waypoints of a lane change: straight ahead, to the left by `offset` on a quintic, straight on.
 
     Parameters
@@ -49,16 +58,15 @@ def lane_shift(offset: float = 0.5, start: float = 1.0, length: float = 2.5, end
     end : float
         Where the path ends [m].
     """
-    require_finite("lane_shift", offset=offset)
-    require_positive("lane_shift", length=length)
-    require_within("lane_shift", 0.0, end - length, "leave way for the change.", start=start)
+    if start + length > end:
+        raise ValueError(f"lane_shift.end = {end:g} m must be at least start + length = {start + length:g} m.")
     between = start + length * np.linspace(0.0, 1.0, 41)
     curve = [(float(x), offset * smooth_step((x - start) / length)[0]) for x in between]
     return ((-1.0, 0.0), *curve, (end, offset))
 
 
 @dataclass(frozen=True)
-class PathFollowing:
+class PathFollowing(Declared):
     """Wheel speed ramped up; steering by Stanley's law along waypoints.
 
     The steering angle wanted, positive to the left, is
@@ -67,36 +75,34 @@ class PathFollowing:
     left of the path, its speed v and the yaw rate r.
     """
 
-    waypoints: tuple[Point, ...] = lane_shift()
-    """World x, y [m], at least two; before the first and after the last the path goes straight on. The heading wanted
-    turns from the middle of one piece to the middle of the next: place points so close that a bend is round"""
-    speed: float = 10.0
-    """Final wheel speed [rad/s]"""
-    ramp_time: float = 1.0
-    """Time from rest to the final wheel speed [s]"""
-    gain: float = 1.0
-    """Speed of the approach to the path over the distance from it [1/s]"""
-    softening_speed: float = 0.2
-    """Added to the speed, it keeps the steering calm at low speed [m/s]"""
-    yaw_damping: float = 0.1
-    """Steering angle over yaw rate [s]"""
-    integral_gain: float = 0.0
-    """Steering angle over the integral of the distance [rad/(m s)]"""
-    max_steering: float = math.radians(30.0)
-    """Largest steering angle [rad]"""
-    max_rate: float = 2.0
-    """Peak rate of a turn of the wheels from rest to rest [rad/s]; one that begins in motion may go half faster"""
-    control_step: float = 0.02
-    """Interval at which the driver looks at the vehicle [s]"""
-    response_time: float = 0.15
-    """Time from an angle wanted to the angle reached [s]"""
+    waypoints: Annotated[tuple[Point, ...], PLACE] = lane_shift()
+    """World x, y, at least two points; before the first and after the last the path goes straight on. The heading
+    wanted turns from the middle of one piece to the middle of the next: place points so close that a bend is round"""
+    speed: Annotated[float, WHEEL_SPEED] = 10.0
+    """Final wheel speed"""
+    ramp_time: Annotated[float, RAMP_TIME] = 1.0
+    """Time from rest to the final wheel speed"""
+    gain: Annotated[float, Quantity("1/s", at_least=0.0, at_most=100.0)] = 1.0
+    """Speed of the approach to the path over the distance from it"""
+    softening_speed: Annotated[float, Quantity("m/s", above=0.0, at_most=100.0)] = 0.2
+    """Added to the speed, it keeps the steering calm at low speed"""
+    yaw_damping: Annotated[float, Quantity("s", at_least=0.0, at_most=10.0)] = 0.1
+    """Steering angle over yaw rate"""
+    integral_gain: Annotated[float, Quantity("rad/(m s)", at_least=0.0, at_most=100.0)] = 0.0
+    """Steering angle over the integral of the distance"""
+    max_steering: Annotated[float, Quantity("rad", above=0.0, at_most=math.radians(80.0))] = math.radians(30.0)
+    """Largest steering angle"""
+    max_rate: Annotated[float, Quantity("rad/s", above=0.0, at_most=1e3)] = 2.0
+    """Peak rate of a turn of the wheels from rest to rest; one that begins in motion may go half faster"""
+    control_step: Annotated[float, Quantity("s", at_least=1e-4, at_most=10.0)] = 0.02
+    """Interval at which the driver looks at the vehicle"""
+    response_time: Annotated[float, Quantity("s", at_least=1e-3, at_most=10.0)] = 0.15
+    """Time from an angle wanted to the angle reached"""
 
-    def __post_init__(self) -> None:
+    def _check(self) -> None:
         points = np.asarray(self.waypoints, float)
-        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.isfinite(points).all():
-            raise ValueError(
-                f"PathFollowing.waypoints has shape {points.shape}; give two points (x, y) [m] at least, all finite."
-            )
+        if len(points) < 2:
+            raise ValueError(f"PathFollowing.waypoints has {len(points)} point(s) (x, y); give two at least.")
         if (np.hypot(*np.diff(points, axis=0).T) < 1e-6).any():
             raise ValueError("PathFollowing.waypoints: two points in a row coincide; leave one of them out.")
         step = np.diff(points, axis=0)
@@ -107,20 +113,11 @@ class PathFollowing:
                 f"PathFollowing.waypoints: a turn of {math.degrees(abs(bend[n])):.0f} degrees at point {n + 2}, "
                 f"more than {math.degrees(SHARPEST):.0f}; round the corner with more points."
             )
-        object.__setattr__(self, "waypoints", tuple((float(x), float(y)) for x, y in points))
-        require_finite("PathFollowing", speed=self.speed)
-        require_positive(
-            "PathFollowing", ramp_time=self.ramp_time, softening_speed=self.softening_speed, max_rate=self.max_rate,
-            control_step=self.control_step, response_time=self.response_time, max_steering=self.max_steering,
-        )  # fmt: skip
         if self.control_step > 0.5 * self.response_time:
             raise ValueError(
                 f"PathFollowing.control_step = {self.control_step} s must be at most half of response_time = "
                 f"{self.response_time} s; look more often."
             )
-        require_within("PathFollowing", 0.0, 100.0, gain=self.gain, integral_gain=self.integral_gain)
-        require_within("PathFollowing", 0.0, 10.0, yaw_damping=self.yaw_damping)
-        require_within("PathFollowing", 0.0, math.radians(80.0), max_steering=self.max_steering)
 
     def steering(self, time: float) -> Motion:
         """Return the angle without a driver: straight ahead (a run asks for a `driver`)."""

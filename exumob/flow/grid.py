@@ -8,19 +8,38 @@ A velocity component is stored on the low face of its cell.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from exumob.support.arrays import Array
-from exumob.support.checks import require_positive, require_within
+from exumob.support.arrays import Array, checked_array
+from exumob.support.cost import memory_limit, spelled_size
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Vehicle
 
 HALO = 2
 """Cells beyond the window on every side. Those below it hold saturated soil when forces are summed."""
+SMALLEST = 1e-7
+"""Least width of a cell [m]."""
+LEAST_CELLS = 4
+"""Cells along an axis."""
+MOST_CELLS = 2**31 - 1
+"""Cells of a grid; far beyond any memory."""
+CELL_SIZE = Quantity("m", above=0.0, at_most=1e4, plausible=(1e-6, 1.0))
+"""Width of the flow solver's cells"""
+LENGTH = Quantity("m", at_least=-1e5, at_most=1e5)
+"""Place of a face or a corner"""
+REACH = Quantity("m", above=0.0, at_most=1e5)
+"""Distance from the hull to a side of the window"""
+GROWTH = Quantity("1", at_least=1.0, at_most=1.1, remedy="strong stretching slows the pressure solver.")
+"""Ratio of neighbouring widths"""
+BYTES_PER_CELL = 490.0
+"""Memory of the solver, all fields and levels together [bytes] (`benchmarks/flow_scaling.py`)."""
 
 
 class Metrics(NamedTuple):
@@ -70,12 +89,23 @@ class Grid:
 
     def __post_init__(self) -> None:
         for name in ("x_faces", "y_faces", "z_faces"):
-            faces = np.array(getattr(self, name), dtype=float)
+            faces = checked_array(f"Grid.{name}", getattr(self, name), ("faces",)).copy()
             widths = np.diff(faces)
-            if faces.ndim != 1 or len(widths) < 4:
-                raise ValueError(f"Grid.{name} makes {max(len(faces) - 1, 0)} cells; every axis needs at least 4.")
-            if not np.all(np.isfinite(faces)) or widths.min() <= 0.0:
-                raise ValueError(f"Grid.{name} must be finite and increase from each face to the next.")
+            if len(widths) < LEAST_CELLS:
+                raise ValueError(
+                    f"Grid.{name} makes {len(widths)} cells; every axis needs at least {LEAST_CELLS}; give more faces."
+                )
+            if widths.min() <= 0.0:
+                n = int(widths.argmin())
+                raise ValueError(
+                    f"Grid.{name}: face {n + 1} at {faces[n + 1]:g} m follows one at {faces[n]:g} m; faces must "
+                    "increase."
+                )
+            if max(-faces[0], faces[-1]) > LENGTH.at_most or widths.min() < SMALLEST:
+                raise ValueError(
+                    f"Grid.{name} goes from {faces[0]:g} to {faces[-1]:g} m in widths of {widths.min():g} m or more; "
+                    f"faces must lie within {LENGTH.at_most:g} m of the origin, {SMALLEST:g} m apart. Give metres."
+                )
             jump = float(np.max(np.abs(np.diff(np.log(widths)))))
             if jump > math.log(1.15):
                 raise ValueError(
@@ -85,19 +115,34 @@ class Grid:
             object.__setattr__(self, name, faces)
 
     @classmethod
-    def uniform(cls, low: ArrayLike, high: ArrayLike, cell_size: float | ArrayLike) -> Grid:
+    @checked
+    def uniform(
+        cls,
+        low: Annotated[ArrayLike, Quantity("m", shape=(3,))],
+        high: Annotated[ArrayLike, Quantity("m", shape=(3,))],
+        cell_size: Annotated[float | tuple[float, float, float], CELL_SIZE],
+    ) -> Grid:
         """Uniform grid between two corners [m], shape (3,); the cell size [m] is rounded so that whole cells fit."""
-        low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
-        sizes = np.broadcast_to(np.asarray(cell_size, dtype=float), (3,))
-        require_positive("Grid.uniform", **{f"cell_size_{a}": float(s) for a, s in zip("xyz", sizes, strict=True)})
-        counts = np.maximum(np.rint((high - low) / sizes).astype(int), 1)
-        return cls(*(np.linspace(low[a], high[a], counts[a] + 1) for a in range(3)))
+        low, high = np.asarray(low), np.asarray(high)
+        sizes = np.broadcast_to(np.asarray(cell_size), (3,))
+
+        def counts(factor: float) -> list[float]:
+            return [max((high[a] - low[a]) / (factor * float(sizes[a])), 1.0) for a in range(3)]
+
+        _require_countable("Grid.uniform", float(sizes.min()), lambda size: counts(size / float(sizes.min())))
+        return cls(*(np.linspace(low[a], high[a], round(n) + 1) for a, n in enumerate(counts(1.0))))
 
     @classmethod
+    @checked
     def stretched(
-        cls, core_low: ArrayLike, core_high: ArrayLike, low: ArrayLike, high: ArrayLike, cell_size: float,
-        growth: float = 1.035,
-    ) -> Grid:  # fmt: skip
+        cls,
+        core_low: Annotated[ArrayLike, Quantity("m", shape=(3,))],
+        core_high: Annotated[ArrayLike, Quantity("m", shape=(3,))],
+        low: Annotated[ArrayLike, Quantity("m", shape=(3,))],
+        high: Annotated[ArrayLike, Quantity("m", shape=(3,))],
+        cell_size: Annotated[float, CELL_SIZE],
+        growth: Annotated[float, GROWTH] = 1.035,
+    ) -> Grid:
         """Cubic cells in a core, growing geometrically from there to the window's faces.
 
         Parameters
@@ -109,22 +154,33 @@ class Grid:
         growth : float
             Ratio of neighbouring widths outside the core, 1 to 1.1.
         """
-        require_positive("Grid.stretched", cell_size=cell_size)
-        require_within("Grid.stretched", 1.0, 1.1, "strong stretching slows the pressure solver.", growth=growth)
-        corners = [np.asarray(c, dtype=float) for c in (low, core_low, core_high, high)]
-        outer_low, inner_low, inner_high, outer_high = corners
-        return cls(
-            *(
-                graded_faces(outer_low[a], inner_low[a], inner_high[a], outer_high[a], cell_size, growth)
-                for a in range(3)
+        corners = [np.asarray(c) for c in (low, core_low, core_high, high)]
+        if not (np.diff(corners, axis=0) >= 0.0).all() or not (corners[1] < corners[2]).all():
+            raise ValueError(
+                f"Grid.stretched: the core from {corners[1]} to {corners[2]} m must lie inside the window from "
+                f"{corners[0]} to {corners[3]} m; move their corners."
             )
+        outer_low, inner_low, inner_high, outer_high = (corner.tolist() for corner in corners)
+        spans = list(zip(outer_low, inner_low, inner_high, outer_high, strict=True))
+        _require_countable(
+            "Grid.stretched", cell_size, lambda size: [_graded_count(*span, size, growth) for span in spans]
         )
+        return cls(*(graded_faces(*span, cell_size, growth) for span in spans))
 
     @classmethod
+    @checked
     def around_vehicle(
-        cls, vehicle: Vehicle, cell_size: float = 0.018, *, ahead: float = 1.8, behind: float = 2.4, aside: float = 1.8,
-        top: float = 0.42, growth: float = 1.035, bottom: float = 0.0,
-    ) -> Grid:  # fmt: skip
+        cls,
+        vehicle: Vehicle,
+        cell_size: Annotated[float, CELL_SIZE] = 0.018,
+        *,
+        ahead: Annotated[float, REACH] = 1.8,
+        behind: Annotated[float, REACH] = 2.4,
+        aside: Annotated[float, REACH] = 1.8,
+        top: Annotated[float, LENGTH] = 0.42,
+        growth: Annotated[float, GROWTH] = 1.035,
+        bottom: Annotated[float, LENGTH] = 0.0,
+    ) -> Grid:
         """Window round a vehicle's hull: cubic cells where its bodies are, growing outwards.
 
         Parameters
@@ -149,12 +205,15 @@ class Grid:
         if ahead < front or behind < -rear or aside < side:
             raise ValueError(
                 f"Grid.around_vehicle: the window ({ahead:g} m ahead, {behind:g} m behind, {aside:g} m "
-                f"aside) is smaller than "
-                f"the vehicle with its margin ({front:.2f}, {-rear:.2f}, {side:.2f} m)."
+                f"aside) is smaller than {vehicle.name} with its margin ({front:.2f}, {-rear:.2f}, {side:.2f} m); give "
+                "at least these."
             )
+        if not bottom < top:
+            raise ValueError(f"Grid.around_vehicle: top = {top:g} m must lie above bottom = {bottom:g} m; raise it.")
+        core_top = min(max(0.24, bottom + 4.0 * cell_size), top)
         return cls.stretched(
-            (rear, -side, bottom), (front, side, min(0.24, top)), (-behind, -aside, bottom), (ahead, aside, top),
-            cell_size, growth,
+            (rear, -side, bottom), (front, side, core_top), (-behind, -aside, bottom), (ahead, aside, top), cell_size,
+            growth,
         )  # fmt: skip
 
     @property
@@ -178,6 +237,20 @@ class Grid:
         """Least width of a cell along any axis [m]."""
         return float(min(np.diff(f).min() for f in (self.x_faces, self.y_faces, self.z_faces)))
 
+    def cells_with(self, cell_size: float) -> float:
+        """Number of cells, about, of a window like this one with another smallest width [m]."""
+        number = 1.0
+        for faces in (self.x_faces, self.y_faces, self.z_faces):
+            widths = np.diff(faces)
+            core = np.flatnonzero(widths <= 1.001 * widths.min())
+            first, last = int(core[0]), int(core[-1])
+            growth = float(np.exp(np.abs(np.diff(np.log(widths))).max()))
+            number *= _graded_count(
+                float(faces[0]), float(faces[first]), float(faces[last + 1]), float(faces[-1]),
+                cell_size * float(widths.min()) / self.smallest_width, growth,
+            )  # fmt: skip
+        return number
+
     @cached_property
     def metrics(self) -> Metrics:
         """Coordinates and widths with halo."""
@@ -199,6 +272,68 @@ class Grid:
         """Volumes without halo [m^3], shape (y, z, x)."""
         dx, dy, dz = np.diff(self.x_faces), np.diff(self.y_faces), np.diff(self.z_faces)
         return dy[:, None, None] * dz[None, :, None] * dx[None, None, :]
+
+
+def most_cells() -> float:
+    """Return the number of cells for which this machine has memory."""
+    return min(memory_limit() / BYTES_PER_CELL, MOST_CELLS)
+
+
+def fitting_size(cell_size: float, cells: Callable[[float], float]) -> float:
+    """Return a cell size [m], two digits long, that makes no more cells than fit; `cell_size` makes too many.
+
+    Parameters
+    ----------
+    cell_size : float
+        [m]
+    cells : callable
+        Number of cells of a cell size [m].
+    """
+    fine, coarse, most = cell_size, cell_size, most_cells()
+    while cells(coarse) > most and coarse < 1e300:
+        fine, coarse = coarse, 10.0 * coarse
+    while coarse > 1.005 * fine:
+        middle = math.sqrt(fine) * math.sqrt(coarse)
+        fine, coarse = (middle, coarse) if cells(middle) > most else (fine, middle)
+    unit = 10.0 ** (math.floor(math.log10(coarse)) - 1)
+    return math.ceil(coarse / unit) * unit
+
+
+def _require_countable(owner: str, cell_size: float, counts: Callable[[float], list[float]]) -> None:
+    """Refuse a cell size that makes too few cells along an axis, or more than any memory holds; nothing is allocated.
+
+    Parameters
+    ----------
+    owner : str
+    cell_size : float
+        [m]
+    counts : callable
+        Number of cells along x, y and z of a cell size [m].
+    """
+    along = counts(cell_size)
+    if min(along) < LEAST_CELLS - 0.5:
+        axis = along.index(min(along))
+        raise ValueError(
+            f"{owner}: cell_size = {cell_size:g} m makes {along[axis]:.0f} cells along {'xyz'[axis]}; every axis needs "
+            f"at least {LEAST_CELLS}, so give a smaller one."
+        )
+    if not math.prod(along) <= MOST_CELLS:
+        size = fitting_size(cell_size, lambda size: math.prod(counts(size)))
+        raise ValueError(
+            f"{owner}: cell_size = {cell_size:g} m makes {math.prod(along):.2g} cells, about "
+            f"{spelled_size(BYTES_PER_CELL * math.prod(along))} of memory, and this machine has "
+            f"{spelled_size(memory_limit())}; cells of {size:g} m would fit."
+        )
+
+
+def _graded_count(low: float, core_low: float, core_high: float, high: float, size: float, growth: float) -> float:
+    """Number of cells, about, that `graded_faces` makes."""
+
+    def outward(extent: float) -> float:
+        cells = extent / size
+        return cells if growth <= 1.0 else math.log1p(cells * (growth - 1.0) / growth) / math.log(growth)
+
+    return max((core_high - core_low) / size, 1.0) + outward(core_low - low) + outward(high - core_high)
 
 
 def graded_faces(low: float, core_low: float, core_high: float, high: float, size: float, growth: float) -> Array:

@@ -10,13 +10,24 @@ from numba import njit
 from numpy.typing import NDArray
 
 from exumob.flow.grid import HALO
-from exumob.support.arrays import Array
+from exumob.support.arrays import Array, checked_array
 from exumob.vehicle.motion import BodyStates
+
+SHAPES = {"position": (3,), "rotation": (3, 3), "velocity": (3,), "angular_velocity": (3,), "spin": ()}
+"""Shape of one row of each field of `Poses`."""
+TURNED = 1e-3
+"""Largest entry of R R^T - 1 up to which R is a rotation matrix; those of the multibody solver keep 1e-6."""
 
 
 @dataclass(frozen=True)
 class Poses:
-    """Positions and velocities of n solids at one instant, world axes."""
+    """Positions and velocities of n solids at one instant, world axes.
+
+    Raises
+    ------
+    ValueError
+        If an array has another shape or is not finite, or `rotation` holds other matrices than rotations.
+    """
 
     position: Array
     """Origins [m], shape (n, 3)"""
@@ -29,12 +40,28 @@ class Poses:
     spin: Array
     """Speed of a wheel about the body's own y axis, not part of the angular velocity [rad/s], shape (n,)"""
 
+    def __post_init__(self) -> None:
+        n = len(self.position) if np.ndim(self.position) == 2 else None
+        for name, shape in SHAPES.items():
+            value = getattr(self, name)
+            right = type(value) is np.ndarray and value.dtype == np.float64 and value.shape == (n, *shape)
+            if not (right and np.isfinite(value).all()):  # most are right, and many are made
+                value = checked_array(f"Poses.{name}", value, ("n" if n is None else n, *shape)).copy()
+                object.__setattr__(self, name, value)
+        off = np.abs(self.rotation @ self.rotation.mT - np.eye(3)).max(axis=(1, 2), initial=0.0)
+        if off.max(initial=0.0) > TURNED or (len(off) and np.linalg.det(self.rotation).min() < 0.0):
+            raise ValueError(
+                f"Poses.rotation[{int(off.argmax())}] is no rotation (R R^T is {off.max():.2g} off the identity, or "
+                "its determinant negative); give matrices that turn body axes into world axes."
+            )
+
     @classmethod
     def at_rest(cls, position: Any, rotation: Any = None) -> Poses:
         """Solids that do not move; position [m], shape (n, 3)."""
-        position = np.atleast_2d(np.asarray(position, dtype=float))
+        single = isinstance(position, np.ndarray | list | tuple) and np.ndim(position) == 1
+        position = checked_array("Poses.at_rest.position", [position] if single else position, ("n", 3)).copy()
         n = len(position)
-        turned = np.broadcast_to(np.eye(3), (n, 3, 3)).copy() if rotation is None else np.asarray(rotation, dtype=float)
+        turned = np.broadcast_to(np.eye(3), (n, 3, 3)).copy() if rotation is None else rotation
         return cls(position, turned, np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n))
 
     @classmethod

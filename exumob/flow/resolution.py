@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import logging
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from exumob.flow.grid import Grid
+from exumob.flow.cost import flow_cost
+from exumob.flow.grid import BYTES_PER_CELL, Grid, most_cells
 from exumob.flow.solids import Solid, vehicle_solids
 from exumob.flow.tread import Tread
+from exumob.support.cost import spelled_size, spelled_time
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
 from exumob.support.rotations import about_z
 from exumob.vehicle.motion import WHEELS
 from exumob.vehicle.parameters import Vehicle
@@ -19,12 +23,21 @@ logger = logging.getLogger(__name__)
 
 ROUNDING = 0.02
 """Part by which a grid's cells may be larger than asked for, since whole cells must fit [-]."""
+STEERING = Quantity("rad", at_least=-math.pi / 2.0, at_most=math.pi / 2.0)
+"""Angle of a front wheel"""
 LEAST_CELLS_IN_GAP = 2.0
 LEAST_CELLS_ACROSS_WHEEL = 4.0
+TOO_LONG = 86400.0
+"""Computing time for a second above which a cell size is no advice [s]."""
 
 
+@checked
 def check_resolution(
-    vehicle: Vehicle, grid: Grid, steering_range: tuple[float, float] = (0.0, 0.0), *, allow_coarse: bool = False
+    vehicle: Vehicle,
+    grid: Grid,
+    steering_range: Annotated[tuple[float, float], STEERING] = (0.0, 0.0),
+    *,
+    allow_coarse: bool = False,
 ) -> None:
     """Find out before a run whether a grid can carry a vehicle.
 
@@ -63,10 +76,10 @@ def checked_solids(
         hull_surface(vehicle)  # raises for a mesh that leaks, is turned inside out, or is in other units
     cell = _largest_cell(vehicle, grid)
     solids = vehicle_solids(vehicle, grid.smallest_width, tread)
-    too_coarse = [need for need in _needs(vehicle, solids, steering_range) if need.lacks(cell)]
+    needs = _needs(vehicle, solids, steering_range)
+    too_coarse = [need for need in needs if need.lacks(cell)]
     if not too_coarse:
         return solids
-    finest = math.floor(1e4 * min(need.size / need.least for need in too_coarse)) / 1e4
     message = "; ".join(
         f"{need.what} of {1e3 * need.size:.1f} mm has {need.size / cell:.1f} cells of {1e3 * cell:.1f} mm and needs "
         f"{need.least:g}"
@@ -74,11 +87,43 @@ def checked_solids(
     )
     if not allow_coarse:
         raise ValueError(
-            f"{vehicle.name}: {message}; use a cell size of {finest:g} m or less, or accept coarse cells "
-            "(allow_coarse, --coarse) for a quick look."
+            f"{vehicle.name}: {message}; {_remedy(too_coarse, grid)}, or accept coarse cells (allow_coarse, --coarse) "
+            "for a quick look."
         )
+    finest = min(need.finest for need in too_coarse)
     logger.warning("%s: %s; loads of this run are rough (%g m would do).", vehicle.name, message, finest)
     return solids
+
+
+def _remedy(too_coarse: list[_Need], grid: Grid) -> str:
+    """Say which cells would do and what they take, and how to do without where they would take too much."""
+    costs = {need: _cost_of(need.finest, grid) for need in too_coarse}
+    possible = [need for need, (cells, seconds) in costs.items() if cells <= most_cells() and seconds <= TOO_LONG]
+    words = []
+    for need, (cells, seconds) in costs.items():
+        if need not in possible:
+            words.append(
+                f"cells of {need.finest:g} m for {need.what} would take {_spelled(cells, seconds)}, too much for this "
+                f"machine: {need.remedy}"
+            )
+    if possible:
+        finest = min(need.finest for need in possible)
+        taken = _spelled(*_cost_of(finest, grid))
+        words.append(f"use a cell size of {finest:g} m or less{' for the rest' if words else ''} ({taken})")
+    return "; ".join(words)
+
+
+def _cost_of(cell_size: float, grid: Grid) -> tuple[float, float]:
+    """Cells of the window, and time [s] for a second at 1 m/s on one thread, about."""
+    cells = grid.cells_with(cell_size)
+    return cells, flow_cost(cells, cell_size, 1.0, 1.0, 1e-3, 0.4).seconds
+
+
+def _spelled(cells: float, seconds: float) -> str:
+    return (
+        f"about {cells:.2g} cells, {spelled_size(BYTES_PER_CELL * cells)} of memory, {spelled_time(seconds)} for a "
+        "second at 1 m/s on one thread"
+    )
 
 
 class _Need(NamedTuple):
@@ -87,6 +132,14 @@ class _Need(NamedTuple):
     what: str
     size: float  # [m]
     least: float  # [cells]
+    remedy: str  # other than smaller cells
+
+    @property
+    def finest(self) -> float:
+        """Cell size that would do [m], three digits long."""
+        exact = self.size / self.least
+        unit = 10.0 ** (math.floor(math.log10(exact)) - 2)
+        return math.floor(exact / unit + 1e-9) * unit
 
     def lacks(self, cell: float) -> bool:
         return self.size > 0.0 and self.size / cell < self.least * (1.0 - ROUNDING)
@@ -103,15 +156,20 @@ def _needs(vehicle: Vehicle, solids: tuple[Solid, ...], steering_range: tuple[fl
     if gap <= 0.0:
         raise ValueError(
             f"{vehicle.name}: the {name} wheel cuts {-1e3 * gap:.0f} mm into the hull when steered "
-            f"{math.degrees(angle):.0f} deg; steer less, or widen the track."
+            f"{math.degrees(angle):.0f} deg; steer less, widen Vehicle.track, narrow Hull.width, or give a Hull.mesh "
+            "with wheel arches."
         )
     keel = float(vehicle.hull.center_of_mass_height + hull.low[2])
     steered = f" steered {math.degrees(angle):.0f} deg" if abs(angle) > 0.005 else ""
     return [
-        _Need(f"the gap between hull and {name} wheel{steered}", gap, LEAST_CELLS_IN_GAP),
-        _Need("the gap between keel and bed", keel, LEAST_CELLS_IN_GAP),
-        _Need("a wheel's width", vehicle.wheel.width, LEAST_CELLS_ACROSS_WHEEL),
-    ]
+        _Need(
+            f"the gap between hull and {name} wheel{steered}", gap, LEAST_CELLS_IN_GAP,
+            "make it wider (Vehicle.track, Hull.width, wheel arches in Hull.mesh"
+            f"{', less steering' if steered else ''})",
+        ),
+        _Need("the gap between keel and bed", keel, LEAST_CELLS_IN_GAP, "raise Hull.ground_clearance"),
+        _Need("a wheel's width", vehicle.wheel.width, LEAST_CELLS_ACROSS_WHEEL, "widen Wheel.width"),
+    ]  # fmt: skip
 
 
 def _largest_cell(vehicle: Vehicle, grid: Grid) -> float:

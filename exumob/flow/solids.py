@@ -10,22 +10,31 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from exumob.flow.grid import CELL_SIZE
 from exumob.flow.tread import Tread
 from exumob.support.arrays import Array
-from exumob.support.checks import require_positive, require_within
+from exumob.support.cost import require_memory
+from exumob.support.declared import Declared, checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Hull, Vehicle
 
 SPHERE, BOX, CYLINDER, PRISM, SAMPLED = range(5)
+BYTES_PER_SAMPLE = 64.0
+"""Memory of a sample of a mesh, its place and its distance [bytes]."""
 HULL_FRICTION = 0.005
 """Skin-friction coefficient of a hull [-]: turbulent flat plate at Re 3e5 to 2e6 (ITTC 1957: 0.0058 to 0.0041)."""
 WHEEL_FRICTION = 0.03
 """Skin-friction coefficient of a treaded tyre [-]: rough plate; a guess, its uncertainty is a factor of two."""
+SIZE = Quantity("m", at_least=1e-6, at_most=1e4, plausible=(1e-4, 100.0))
+"""Length of a solid"""
+FRICTION = Quantity("1", at_least=0.0, at_most=1.0)
+"""Skin-friction coefficient on the speed relative to the surface"""
 
 
 class Shape(NamedTuple):
@@ -71,28 +80,21 @@ class Shape(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Solid:
-    """A rigid shape in its own axes.
-
-    Parameters
-    ----------
-    shape : Shape
-    low, high : array, shape (3,)
-        Bounding box [m].
-    friction : float
-        Skin-friction coefficient on the speed relative to the surface [-], 0 to 1.
-    tread : Tread or None
-        Lugs of a spinning `CYLINDER`.
-    """
+class Solid(Declared):
+    """A rigid shape in its own axes."""
 
     shape: Shape
-    low: Array
-    high: Array
-    friction: float = 0.0
+    """See there; `sphere`, `box`, `cylinder`, `prism` and `mesh_solid` make it"""
+    low: Annotated[Array, Quantity("m", shape=(3,))]
+    """Lower corner of its bounding box [m], shape (3,)"""
+    high: Annotated[Array, Quantity("m", shape=(3,))]
+    """Upper corner [m], shape (3,)"""
+    friction: Annotated[float, FRICTION] = 0.0
+    """Skin-friction coefficient on the speed relative to the surface [-], 0 to 1"""
     tread: Tread | None = None
+    """Lugs of a spinning `CYLINDER`"""
 
-    def __post_init__(self) -> None:
-        require_within("Solid", 0.0, 1.0, friction=self.friction)
+    def _check(self) -> None:
         if self.tread is not None and self.shape.kind != CYLINDER:
             raise ValueError("Solid.tread: only a cylinder can have lugs; leave it None.")
 
@@ -101,55 +103,73 @@ class Solid:
         return np.array([measure(self.shape, *p)[0] for p in np.atleast_2d(points)])
 
 
-def sphere(radius: float, friction: float = 0.0) -> Solid:
+@checked
+def sphere(radius: Annotated[float, SIZE], friction: float = 0.0) -> Solid:
     """Sphere about the origin; radius [m]."""
-    require_positive("sphere", radius=radius)
     corner = np.full(3, radius)
     return Solid(Shape.of(SPHERE, corner), -corner, corner, friction)
 
 
-def box(length: float, width: float, height: float, friction: float = 0.0) -> Solid:
+@checked
+def box(
+    length: Annotated[float, SIZE], width: Annotated[float, SIZE], height: Annotated[float, SIZE], friction: float = 0.0
+) -> Solid:
     """Box about the origin with edges along the axes [m]."""
-    require_positive("box", length=length, width=width, height=height)
     half = 0.5 * np.array([length, width, height])
     return Solid(Shape.of(BOX, half), -half, half, friction)
 
 
-def cylinder(radius: float, width: float, edge_radius: float = 0.0, friction: float = WHEEL_FRICTION) -> Solid:
+@checked
+def cylinder(
+    radius: Annotated[float, SIZE],
+    width: Annotated[float, SIZE],
+    edge_radius: Annotated[float, Quantity("m", at_least=0.0)] = 0.0,
+    friction: float = WHEEL_FRICTION,
+) -> Solid:
     """Cylinder about the y axis (a wheel) with rounded edges [m]."""
-    require_positive("cylinder", radius=radius, width=width)
-    require_within(
-        "cylinder", 0.0, min(radius, 0.5 * width), "an edge cannot be rounder than the cylinder.",
-        edge_radius=edge_radius,
-    )  # fmt: skip
+    if edge_radius > min(radius, 0.5 * width):
+        raise ValueError(
+            f"cylinder.edge_radius = {edge_radius:g} m must be >= 0 and <= {min(radius, 0.5 * width):g} m; an edge "
+            "cannot be rounder than the cylinder."
+        )
     corner = np.array([radius, 0.5 * width, radius])
     return Solid(Shape.of(CYLINDER, corner, edge_radius), -corner, corner, friction)
 
 
-def prism(outline: Array, width: float, friction: float = 0.0) -> Solid:
+@checked
+def prism(
+    outline: Annotated[Array, Quantity("m", shape=("corners", 2))], width: Annotated[float, SIZE], friction: float = 0.0
+) -> Solid:
     """Polygon in x, z (counter-clockwise with x to the right and z up; shape (n, 2) [m]), extruded along y [m]."""
-    outline = np.asarray(outline, dtype=float)
-    require_positive("prism", width=width)
+    if len(outline) < 3:
+        raise ValueError(f"prism.outline has {len(outline)} corners; give at least 3.")
     x, z = outline[:, 0], outline[:, 1]
     area = 0.5 * float(np.sum(x * np.roll(z, -1) - np.roll(x, -1) * z))
     if area <= 0.0:
-        raise ValueError(f"prism outline encloses {area:g} m^2; give its corners counter-clockwise in (x, z).")
+        raise ValueError(f"prism.outline encloses {area:g} m^2; give its corners counter-clockwise in (x, z).")
     low, high = outline.min(axis=0), outline.max(axis=0)
     edges = np.roll(outline, -1, axis=0) - outline
     lengths = np.sum(edges**2, axis=1, keepdims=True)
     if lengths.min() <= 0.0:
-        raise ValueError("prism outline has two equal corners in a row; leave one out.")
+        n = int(lengths.argmin())
+        raise ValueError(f"prism.outline: corners {n} and {(n + 1) % len(outline)} are the same; leave one out.")
     corners = np.array([low[0], -0.5 * width, low[1]]), np.array([high[0], 0.5 * width, high[1]])
     shape = Shape.of(PRISM, 0.5 * (corners[1] - corners[0]), outline=np.hstack([outline, edges, 1.0 / lengths]))
     return Solid(shape, *corners, friction)
 
 
+@checked
 def hull_prism(hull: Hull, friction: float = HULL_FRICTION) -> Solid:
     """Raked-bow box of a `Hull` about its centre of mass."""
     return prism(hull.side_profile() - [hull.center_of_mass_x, hull.center_of_mass_height], hull.width, friction)
 
 
-def mesh_solid(triangles: Array, spacing: float, friction: float = HULL_FRICTION) -> Solid:
+@checked
+def mesh_solid(
+    triangles: Annotated[Array, Quantity("m", shape=("triangles", 3, 3))],
+    spacing: Annotated[float, CELL_SIZE],
+    friction: float = HULL_FRICTION,
+) -> Solid:
     """Watertight triangle mesh, sampled once to a grid of signed distances; needs trimesh.
 
     Parameters
@@ -166,14 +186,18 @@ def mesh_solid(triangles: Array, spacing: float, friction: float = HULL_FRICTION
         import trimesh
     except ImportError as error:
         raise ImportError("a mesh in the flow needs the package trimesh: pip install 'exumob[mesh]'.") from error
-    require_positive("mesh_solid", spacing=spacing)
     mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
     mesh.merge_vertices()
     if not mesh.is_watertight or mesh.volume <= 0.0:
         raise ValueError("mesh_solid: the mesh is not closed or its faces point inwards; repair it first.")
     low, high = mesh.bounds[0].copy(), mesh.bounds[1].copy()
     start = low - 6.0 * spacing
-    counts = np.ceil((high + 6.0 * spacing - start) / spacing).astype(int) + 1
+    counts = np.ceil((high + 6.0 * spacing - start) / spacing) + 1
+    require_memory(
+        f"mesh_solid: spacing = {spacing:g} m makes {np.prod(counts):.2g} samples of the mesh",
+        BYTES_PER_SAMPLE * float(np.prod(counts)), "give larger cells.",
+    )  # fmt: skip
+    counts = counts.astype(int)
     axes = [start[a] + spacing * np.arange(counts[a]) for a in range(3)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     distances = np.empty(len(points))
@@ -202,7 +226,10 @@ def _inside(triangles: Array, points: Array) -> NDArray[np.bool_]:
     return np.abs(total) > 2.0 * math.pi
 
 
-def vehicle_solids(vehicle: Vehicle, cell_size: float, tread: Tread | None = None) -> tuple[Solid, ...]:
+@checked
+def vehicle_solids(
+    vehicle: Vehicle, cell_size: Annotated[float, CELL_SIZE], tread: Tread | None = None
+) -> tuple[Solid, ...]:
     """Solids of the five bodies, order of `exumob.vehicle.motion.BODIES`, each about its body's origin.
 
     Parameters

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exumob.flow.area_fractions import AreaFractions
+from exumob.flow.cost import require_room
+from exumob.flow.forces import pressure_loads
 from exumob.flow.grid import HALO, Grid
 from exumob.flow.poses import Poses, interpolate
 from exumob.flow.pressure.levels import Levels
@@ -21,13 +23,18 @@ from exumob.flow.solids import Solid
 from exumob.flow.state import FlowState, Loads, StepReport
 from exumob.flow.step import StepFailed, TimeStep
 from exumob.ground.terrain import Terrain
-from exumob.support.arrays import Array
+from exumob.support.arrays import Array, checked_array
+from exumob.support.compiled import say_compilation
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.support.errors import SimulationError
+from exumob.support.quantities import Quantity, shown
 from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)
 
+INSTANT = Quantity("s", at_least=-1e9, at_most=1e9)
+"""Time of the flow"""
 CALM_STEPS = 100
 """Steps after which a divided interval is tried undivided again."""
 LEAST_STEP = 1e-4
@@ -55,6 +62,7 @@ class FlowSolver:
         or level along the current (`exumob.flow.bed.Bed.check_water`).
     """
 
+    @checked
     def __init__(
         self,
         grid: Grid,
@@ -66,6 +74,7 @@ class FlowSolver:
         """Allocate; see the class."""
         self.grid, self.solids, self.water = grid, tuple(solids), water
         self.settings = settings = settings or FlowSettings()
+        require_room("FlowSolver: the grid", grid)
         self.metrics = grid.metrics
         top, bottom = float(grid.z_faces[-1]), float(grid.z_faces[0])
         self._step = TimeStep(grid, self.solids, water, settings, terrain)
@@ -85,14 +94,14 @@ class FlowSolver:
         self._state, self._next = (FlowState.zeros(grid.padded_shape, count) for _ in range(2))
         self._start_closure()
         self._poses: Poses | None = None
+        say_compilation("the flow solver", pressure_loads, "two to three minutes")
 
     # -- the interval ---------------------------------------------------------------------------------------------
 
     def start(self, poses: Poses | None = None, time: float = 0.0) -> None:
         """Fill the window with still or uniformly flowing water round the solids at their poses."""
-        poses = poses if poses is not None else Poses.at_rest(np.zeros((0, 3)))
-        if len(poses.position) != len(self.solids):
-            raise ValueError(f"start: {len(poses.position)} poses for {len(self.solids)} solids; give one for each.")
+        poses = self._checked_poses("start", poses if poses is not None else Poses.at_rest(np.zeros((0, 3))))
+        time = INSTANT.check("FlowSolver.start.time", time)
         state, step = self._state, self._step
         state.time, state.steps, state.phi_dt, state.step, state.calm = time, 0, 1.0, 0.0, 0
         state.courant_rate = state.volume_added = 0.0
@@ -120,12 +129,23 @@ class FlowSolver:
             Low faces of every cell and the window's high face: (ny, nz, nx + 1), (ny + 1, nz, nx), (ny, nz + 1, nx).
         """
         state, h = self._state, HALO
+        ny, nz, nx = self.grid.shape
         if fraction is not None:
-            state.fraction[h:-h, h:-h, h:-h] = fraction
+            given = checked_array("FlowSolver.set_flow.fraction", fraction, (ny, nz, nx))
+            if given.min() < 0.0 or given.max() > 1.0:
+                raise ValueError(
+                    f"FlowSolver.set_flow.fraction goes from {given.min():g} to {given.max():g}; it must be 0 (air) to "
+                    "1 (water)."
+                )
+            state.fraction[h:-h, h:-h, h:-h] = given
         if velocity is not None:
-            for q, values in zip(state.velocity, velocity, strict=True):
-                n = values.shape
-                q[h : h + n[0], h : h + n[1], h : h + n[2]] = values
+            if not isinstance(velocity, tuple | list) or len(velocity) != 3:
+                raise ValueError("FlowSolver.set_flow.velocity must be three arrays: along x, along y and along z.")
+            shapes = (ny, nz, nx + 1), (ny + 1, nz, nx), (ny, nz + 1, nx)
+            for axis, q, values, n in zip("xyz", state.velocity, velocity, shapes, strict=True):
+                q[h : h + n[0], h : h + n[1], h : h + n[2]] = checked_array(
+                    f"FlowSolver.set_flow.velocity along {axis}", values, n
+                )
         self._step.complete(state)
         self._step.far_field.split_rise(state.fraction, state.eta_y)
 
@@ -153,10 +173,14 @@ class FlowSolver:
         if self._poses is None:
             raise ValueError("FlowSolver.advance: call start(poses) first.")
         begin, t0 = self._poses, self._state.time
-        poses = poses if poses is not None else begin
+        poses = begin if poses is None else self._checked_poses("advance", poses)
+        time = INSTANT.check("FlowSolver.advance.time", time)
         interval = time - t0
         if not interval > 0.0:
-            raise ValueError(f"FlowSolver.advance: time {time} s is not after the present {t0} s.")
+            raise ValueError(
+                f"FlowSolver.advance.time = {time} s is not after the present {t0} s; give a later one, or restore an "
+                "earlier state first."
+            )
         sums = Loads.zeros(len(self.solids))
         parts, iterations, residual, courant, halvings = 0, 0, 0.0, 0.0, 0
         state, done = self._state, 0.0
@@ -194,6 +218,16 @@ class FlowSolver:
         self.loads = sums
         self.report = StepReport(parts, iterations, residual, courant, halvings)
         return self.loads.total
+
+    def _checked_poses(self, function: str, poses: Poses) -> Poses:
+        if not isinstance(poses, Poses):
+            raise ValueError(f"FlowSolver.{function}.poses = {shown(poses)} must be Poses, one row for each solid.")
+        if len(poses.position) != len(self.solids):
+            raise ValueError(
+                f"FlowSolver.{function}.poses: {len(poses.position)} poses for {len(self.solids)} solids; give one for "
+                "each."
+            )
+        return poses
 
     def _stopped(self, reason: str) -> SimulationError:
         failed = SimulationError(
@@ -317,7 +351,10 @@ class FlowSolver:
         """Return to a state given by `save` (of a solver with the same grid, solids, water and settings)."""
         shape: NDArray[Any] = saved["fraction"]
         if shape.shape != self.grid.padded_shape:
-            raise ValueError(f"restore: the state is of shape {shape.shape}, the grid {self.grid.padded_shape}.")
+            raise ValueError(
+                f"FlowSolver.restore: the state is of shape {shape.shape}, the grid {self.grid.padded_shape}; restore "
+                "it to a solver with the grid that it was saved with."
+            )
         self._state.copy_from(FlowState(**{f.name: saved[f.name] for f in fields(FlowState)}))
         self._poses = Poses(**{f.name: saved[f"poses_{f.name}"].copy() for f in fields(Poses)})
         self._step.place(self._poses, self._state.frame, self._state.steps)

@@ -8,35 +8,26 @@ size can be stated and varied.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from exumob.support.checks import require_within
+from exumob.support.declared import Declared
+from exumob.support.quantities import Quantity
 
 
 @dataclass(frozen=True)
-class Tread:
+class Tread(Declared):
     """Lugs across a cylinder's whole width: plates that drag along their direction of motion.
 
     The force on the water is C_D rho |u| u / 2 times the lugs' area, spread over the ring that they sweep (at least
     one and a half cells thick); u is the water's speed along the circumference relative to the lugs, which move with
     the wheel and its spin. Lugs in each other's wake and the slip stream between them are not resolved: with the lugs
     closer than about five heights apart, this is an upper bound.
-
-    Parameters
-    ----------
-    lug_height : float
-        Above the cylinder's surface [m], 0.5 mm to 0.1 m.
-    lug_count : int
-        Round the circumference, 1 to 500.
-    drag_coefficient : float
-        Drag coefficient of one lug [-]; 1.2: plate across the flow with a side ratio of 1 to 5 (Hoerner, Fluid-Dynamic
-        Drag, 1965, ch. 3: 1.17 to 1.20).
     """
 
-    lug_height: float
-    lug_count: int
-    drag_coefficient: float = 1.2
-
-    def __post_init__(self) -> None:
-        require_within("Tread", 5.0e-4, 0.1, lug_height=self.lug_height)
-        require_within("Tread", 1, 500, lug_count=self.lug_count)
-        require_within("Tread", 0.0, 3.0, drag_coefficient=self.drag_coefficient)
+    lug_height: Annotated[float, Quantity("m", at_least=5e-4, at_most=0.1)]
+    """Above the cylinder's surface [m]"""
+    lug_count: Annotated[int, Quantity("1", at_least=1, at_most=500)]
+    """Round the circumference"""
+    drag_coefficient: Annotated[float, Quantity("1", at_least=0.0, at_most=3.0)] = 1.2
+    """Drag coefficient of one lug [-]; 1.2: plate across the flow with a side ratio of 1 to 5 (Hoerner, Fluid-Dynamic
+    Drag, 1965, ch. 3: 1.17 to 1.20)"""

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 
 from exumob.flow.bed import lowest_bed
-from exumob.flow.grid import Grid
+from exumob.flow.cost import require_room
+from exumob.flow.grid import CELL_SIZE, Grid
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
-from exumob.support.checks import require_positive
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 
@@ -16,8 +20,13 @@ AHEAD, BEHIND, ASIDE, TOP = 1.8, 2.4, 1.8, 0.42
 """Reach of the window from the hull's centre of mass, over the vehicle's length [-]."""
 
 
+@checked
 def vehicle_window(
-    vehicle: Vehicle, cell_size: float, water: Water, terrain: Terrain | None = None, frames: Array | None = None
+    vehicle: Vehicle,
+    cell_size: Annotated[float, CELL_SIZE],
+    water: Water,
+    terrain: Terrain | None = None,
+    frames: Annotated[Array | None, Quantity("m, m, rad", shape=("places", 3))] = None,
 ) -> Grid:
     """Return the default grid round a vehicle, for captive runs and for the flow in the loop.
 
@@ -38,9 +47,8 @@ def vehicle_window(
     Raises
     ------
     ValueError
-        If `cell_size` is not positive.
+        If `cell_size` is not positive, or makes more cells than there is memory for; the text names one that fits.
     """
-    require_positive("vehicle_window", cell_size=cell_size)
     scale = max(vehicle.hull.length, vehicle.wheelbase + vehicle.wheel.diameter)
     ahead, behind, aside = AHEAD * scale, BEHIND * scale, ASIDE * scale
     bottom = 0.0
@@ -51,13 +59,16 @@ def vehicle_window(
         corners = np.array([-behind - margin, -aside - margin]), np.array([ahead + margin, aside + margin])
         frames = np.zeros((1, 3)) if frames is None else frames
         bottom = lowest_bed(terrain, frames, *corners, spacing=0.1) - cell_size
-    return Grid.around_vehicle(
+    grid = Grid.around_vehicle(
         vehicle, cell_size, ahead=ahead, behind=behind, aside=aside, top=max(TOP * scale, 3.5 * water.depth),
         bottom=bottom,
     )  # fmt: skip
+    require_room(f"{vehicle.name}: cell_size = {cell_size:g} m", grid)
+    return grid
 
 
-def doubled_window(vehicle: Vehicle, cell_size: float, water: Water) -> Grid:
+@checked
+def doubled_window(vehicle: Vehicle, cell_size: Annotated[float, CELL_SIZE], water: Water) -> Grid:
     """Return a grid that reaches twice as far ahead, behind and aside as `vehicle_window`.
 
     Cells round the vehicle and the top stay as they are: runs in both windows show what the sides do to the loads.

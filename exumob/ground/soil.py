@@ -5,12 +5,13 @@ from __future__ import annotations
 import difflib
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
 from exumob.ground.published_soils import SOIL_CLASSES, WONG_TABLE
-from exumob.support.checks import require_positive, require_within
+from exumob.support.declared import Declared, checked
+from exumob.support.quantities import Quantity
 
 SOIL_RECORD = np.dtype(
     [
@@ -34,7 +35,7 @@ SOIL_RECORD = np.dtype(
 
 
 @dataclass(frozen=True)
-class Soil:
+class Soil(Declared):
     """A soil, described by its Bekker-Wong parameters in SI units.
 
     `pressure_form` chooses the normal pressure under a plate of width b that has sunk by z:
@@ -49,66 +50,45 @@ class Soil:
     - ``"resultant"``: their resultant reaches it, along the resultant shear displacement (Wong & Chiang, Proc. IMechE
       D 215 (2001) 343, for skid steering); never more than the strength in any direction.
 
-    Parameters
-    ----------
-    k_c, k_phi : float
-        Pressure-sinkage moduli; their dimension depends on n and on `pressure_form`, see above. >= 0, not both 0.
-    n : float
-        Sinkage exponent [-], 0 < n <= 3.
-    cohesion : float
-        Cohesion c [Pa], >= 0.
-    friction_angle : float
-        Angle of internal friction phi [rad], 0 to 80 degrees.
-    shear_modulus_x, shear_modulus_y : float
-        Shear deformation moduli K_x (along the wheel) and K_y (across) [m], > 0: the displacement at which 63 % of the
-        strength is mobilised.
-    c1, c2 : float
-        Coefficients [-] of the angle of maximum pressure, (c1 + c2 |slip_ratio|) entry_angle; both >= 0, c1 + c2 <= 1.
-    rebound_ratio : float
-        Elastic recovery of the sinkage behind the wheel over the sinkage, kappa [-], 0 to 1.
-    damping : float
-        Normal damping [s/m]: the pressure is multiplied by 1 + damping * (rate of sinkage), never below 0
-        (the form of Hunt & Crossley, J. Appl. Mech. 42 (1975) 440: no jump of the force at touch-down). Real soil
-        dissipates energy, which the Bekker pressure alone does not. The default of 0.8 s/m is chosen by us: it damps a
-        2 kg wheel assembly (diameter 0.2 m, width 0.08 m) on LETE sand under 140 N at 20 % of critical.
-    name : str
-        Name in messages and results.
-    pressure_form, shear_limit : str
-        See above.
-
     Raises
     ------
     ValueError
         If a value is not finite or outside its range.
     """
 
-    k_c: float
-    k_phi: float
-    n: float
-    cohesion: float
-    friction_angle: float
-    shear_modulus_x: float
-    shear_modulus_y: float
-    c1: float
-    c2: float
-    rebound_ratio: float = 0.0
-    damping: float = 0.8
+    k_c: Annotated[float, Quantity("N/m^(n+1)", at_least=0.0, at_most=1e12, plausible=(5.0, 1e8))]
+    """Pressure-sinkage modulus that acts over the width; its unit depends on n and `pressure_form`, see above"""
+    k_phi: Annotated[float, Quantity("N/m^(n+2)", at_least=0.0, at_most=1e12, plausible=(1e4, 1e10))]
+    """Pressure-sinkage modulus that does not depend on the width; not 0 if `k_c` is"""
+    n: Annotated[float, Quantity("1", above=0.0, at_most=3.0, remedy="published exponents lie between 0.1 and 1.7.")]
+    """Sinkage exponent"""
+    cohesion: Annotated[float, Quantity("Pa", at_least=0.0, at_most=1e8, plausible=(100.0, 1e6))]
+    """Cohesion c"""
+    friction_angle: Annotated[float, Quantity("rad", at_least=0.0, at_most=math.radians(80.0))]
+    """Angle of internal friction phi"""
+    shear_modulus_x: Annotated[float, Quantity("m", above=0.0, plausible=(2e-4, 0.5))]
+    """Shear deformation modulus K_x along the wheel: the displacement at which 63 % of the strength is mobilised"""
+    shear_modulus_y: Annotated[float, Quantity("m", above=0.0, plausible=(2e-4, 0.5))]
+    """The same across the wheel, K_y"""
+    c1: Annotated[float, Quantity("1", at_least=0.0, at_most=1.0)]
+    """Coefficient of the angle of maximum pressure, (c1 + c2 |slip_ratio|) entry_angle; c1 + c2 <= 1"""
+    c2: Annotated[float, Quantity("1", at_least=0.0, at_most=1.0)]
+    """Coefficient of the angle of maximum pressure with slip"""
+    rebound_ratio: Annotated[float, Quantity("1", at_least=0.0, at_most=1.0)] = 0.0
+    """Elastic recovery of the sinkage behind the wheel over the sinkage, kappa"""
+    damping: Annotated[float, Quantity("s/m", at_least=0.0, at_most=1e3)] = 0.8
+    """Normal damping: the pressure is multiplied by 1 + damping * (rate of sinkage), never below 0
+    (the form of Hunt & Crossley, J. Appl. Mech. 42 (1975) 440: no jump of the force at touch-down). Real soil
+    dissipates energy, which the Bekker pressure alone does not. The default is chosen by us: it damps a 2 kg wheel
+    assembly (diameter 0.2 m, width 0.08 m) on LETE sand under 140 N at 20 % of critical"""
     name: str = ""
+    """Name in messages and results"""
     pressure_form: Literal["bekker", "reece"] = "bekker"
+    """Form of the normal pressure, see above"""
     shear_limit: Literal["per_axis", "resultant"] = "per_axis"
+    """Limit of the shear stress, see above"""
 
-    def __post_init__(self) -> None:
-        require_within("Soil", 0.0, 1.0e12, k_c=self.k_c, k_phi=self.k_phi)
-        require_positive("Soil", n=self.n)
-        require_within("Soil", 0.0, 3.0, "published exponents lie between 0.1 and 1.7.", n=self.n)
-        require_within("Soil", 0.0, 1.0e8, cohesion=self.cohesion)
-        require_within(
-            "Soil", 0.0, math.radians(80.0), "give the angle in radians: math.radians(degrees).",
-            friction_angle=self.friction_angle,
-        )  # fmt: skip
-        require_positive("Soil", shear_modulus_x=self.shear_modulus_x, shear_modulus_y=self.shear_modulus_y)
-        require_within("Soil", 0.0, 1.0, c1=self.c1, c2=self.c2, rebound_ratio=self.rebound_ratio)
-        require_within("Soil", 0.0, 1.0e3, damping=self.damping)
+    def _check(self) -> None:
         if self.k_c == 0.0 and self.k_phi == 0.0:
             raise ValueError(
                 "Soil.k_c = 0 and Soil.k_phi = 0: such a soil carries no load; give at least one of them > 0."
@@ -118,12 +98,13 @@ class Soil:
                 f"Soil.c1 + Soil.c2 = {self.c1 + self.c2:g} must be <= 1: at full slip the maximum pressure would lie "
                 "ahead of the entry angle; published pairs are (0.43, 0.32), (0.18, 0.32), (0.3, 0.4), (0.4, 0.15)."
             )
-        if self.pressure_form not in ("bekker", "reece"):
-            raise ValueError(f"Soil.pressure_form = {self.pressure_form!r} is not known; use 'bekker' or 'reece'.")
-        if self.shear_limit not in ("per_axis", "resultant"):
-            raise ValueError(f"Soil.shear_limit = {self.shear_limit!r} is not known; use 'per_axis' or 'resultant'.")
 
-    def pressure(self, sinkage: float, width: float) -> float:
+    @checked
+    def pressure(
+        self,
+        sinkage: Annotated[float, Quantity("m", at_least=0.0, remedy="a plate that does not touch has no pressure.")],
+        width: Annotated[float, Quantity("m", above=0.0)],
+    ) -> float:
         """Return the pressure under a flat plate [Pa].
 
         Parameters
@@ -133,8 +114,6 @@ class Soil:
         width : float
             Smaller side of the plate [m], > 0.
         """
-        require_positive("plate", width=width)
-        require_within("plate", 0.0, math.inf, "a plate that does not touch has no pressure.", sinkage=sinkage)
         if self.pressure_form == "reece":
             return (self.k_c + self.k_phi * width) * (sinkage / width) ** self.n
         return (self.k_c / width + self.k_phi) * sinkage**self.n

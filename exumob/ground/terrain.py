@@ -1,20 +1,36 @@
 """Shape of the undisturbed soil surface: a plane, and on top of it a field of heights if given.
 
 World axes: z up. Inside compiled code, `terrain_height` takes what `Terrain.as_arrays` returns.
+
+Between its points the field is a bicubic Hermite surface, continuous with its slope. In each cell it is a Bezier patch
+of 16 control points: the heights f at the corners and, next to a corner, f + s a, f + t b and f + s a + t b + s t c,
+where s, t = +1 or -1 point into the cell, a and b are a third of the rise to the next point as the slopes along x and
+y give it, and c is a ninth of the twist. The surface lies within the range of its control points. They lie within the
+range of the cell's four corners, because
+- a is 0 at a local extremum along x, and at most half of the smaller rise to a neighbour elsewhere (Fritsch & Carlson,
+  SIAM J. Numer. Anal. 17 (1980) 238, bound a monotone cubic so, and less strictly); b likewise along y. Then f + s a
+  and f + t b lie between corners, and so does f + s a + t b, the mean of f + 2 s a and f + 2 t b;
+- c is cut to what the corners of all cells at the point allow; 0 always is.
+So nothing rises above or falls below the heights given, and along the lines of the grid the surface is monotone from
+point to point. Where no bound is felt the slopes are central differences and the surface is the Catmull-Rom spline, of
+third order; at crests and hollows the bounds leave second order.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Annotated, Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from exumob.support.arrays import Array
-from exumob.support.checks import require_finite, require_positive, require_within
+from exumob.support.checks import require_finite
+from exumob.support.declared import Declared, checked
+from exumob.support.quantities import DIRECTION, Quantity
 
 TERRAIN_RECORD = np.dtype(
     [
@@ -29,65 +45,87 @@ TERRAIN_RECORD = np.dtype(
 )
 """A `Terrain` but for its field of heights, as compiled code sees it; units as in `Terrain`."""
 
+HEIGHT_RANGE = (-1000.0, 9000.0)
+"""Heights on land [m], with room below the lowest shore; -9999, -32768 and 1e20 stand for missing data."""
+
+SLOPE = Quantity("1", at_least=-2.0, at_most=2.0, remedy="slopes are rise over run: math.tan(angle).")
+
 
 @dataclass(frozen=True, eq=False)
-class Terrain:
+class Terrain(Declared):
     """Soil surface z = height + slope_x x + slope_y y + field(x, y); flat at z = 0 by default.
-
-    Parameters
-    ----------
-    height : float
-        Height of the plane at the world's origin [m].
-    slope_x, slope_y : float
-        Slopes dz/dx and dz/dy of the plane [-], -2 to 2.
-    heights : array_like, shape (n_y, n_x), optional
-        Field added to the plane [m]; at least 2 by 2. Between its points it is interpolated by bicubic (Catmull-Rom)
-        splines, continuous with its slope; outside, the values at its edge continue.
-    origin : tuple of float
-        World coordinates x, y of ``heights[0, 0]`` [m].
-    spacing : float or tuple of float
-        Distance between the points of the field along x and y [m], > 0.
 
     Raises
     ------
     ValueError
-        If a value is not finite, a slope exceeds 2 (63 degrees), or the field's shape or spacing is unusable.
+        If a value is not finite, a slope exceeds 2 (63 degrees), or the field's shape or spacing is unusable; if
+        heights are masked, not finite, outside `HEIGHT_RANGE` or steeper than `steepest`.
     """
 
-    height: float = 0.0
-    slope_x: float = 0.0
-    slope_y: float = 0.0
-    heights: ArrayLike | None = None
-    origin: tuple[float, float] = (0.0, 0.0)
-    spacing: float | tuple[float, float] = 1.0
+    height: Annotated[float, Quantity("m", at_least=-1e4, at_most=1e4)] = 0.0
+    """Height of the plane at the world's origin"""
+    slope_x: Annotated[float, SLOPE] = 0.0
+    """Slope dz/dx of the plane"""
+    slope_y: Annotated[float, SLOPE] = 0.0
+    """Slope dz/dy of the plane"""
+    heights: Annotated[ArrayLike, Quantity("m", shape=("n_y", "n_x"))] | None = None
+    """Field added to the plane, at least 2 by 2 points, rows towards +y. Between its points it is interpolated smoothly
+    within their range (module docstring); outside, the values at its edge continue"""
+    origin: Annotated[tuple[float, float], Quantity("m", at_least=-1e9, at_most=1e9)] = (0.0, 0.0)
+    """World x, y of ``heights[0, 0]``. A run starts at the world's origin: subtract its place from map coordinates"""
+    spacing: Annotated[
+        float | tuple[float, float],
+        Quantity(
+            "m", above=0.0, at_most=1e6, plausible=(1e-3, 1e3), remedy="where rows run south, turn them: heights[::-1]."
+        ),
+    ] = 1.0
+    """Distance between the points of the field; two values: along x and along y"""
+    steepest: Annotated[float, Quantity("1", above=0.0, at_most=1e6)] = 5.0
+    """Largest slope between neighbouring points of the field; a steeper one is taken for a mark of missing data"""
 
-    def __post_init__(self) -> None:
-        require_finite("Terrain", height=self.height, origin_x=self.origin[0], origin_y=self.origin[1])
-        require_within(
-            "Terrain",
-            -2.0,
-            2.0,
-            "slopes are rise over run: math.tan(angle).",
-            slope_x=self.slope_x,
-            slope_y=self.slope_y,
-        )
+    def _check(self) -> None:
         dx, dy = self.spacing if isinstance(self.spacing, tuple) else (self.spacing, self.spacing)
-        require_positive("Terrain", spacing_x=dx, spacing_y=dy)
-        if self.heights is not None:
-            field = np.array(self.heights, dtype=float)
-            if field.ndim != 2 or min(field.shape) < 2:
-                raise ValueError(
-                    f"Terrain.heights has shape {field.shape}; give a 2-D array (n_y, n_x), 2 by 2 or larger."
-                )
-            if not np.isfinite(field).all():
-                where = tuple(int(i) for i in np.argwhere(~np.isfinite(field))[0])
-                raise ValueError(f"Terrain.heights{list(where)} is not finite; fill gaps before the run.")
-            field.setflags(write=False)
-            object.__setattr__(self, "heights", field)
-        object.__setattr__(self, "spacing", (float(dx), float(dy)))
+        object.__setattr__(self, "spacing", (dx, dy))
+        if self.heights is None:
+            return
+        field = np.asarray(self.heights)
+        if min(field.shape) < 2:
+            raise ValueError(f"Terrain.heights has shape {field.shape}; give an array (n_y, n_x), 2 by 2 or larger.")
+        low, high = HEIGHT_RANGE
+        beyond = (field < low) | (field > high)
+        if beyond.any():
+            j, i = np.argwhere(beyond)[0]
+            raise ValueError(
+                f"Terrain.heights: {beyond.sum()} of {field.size} values lie outside {low:g} to {high:g} m, the first "
+                f"at [{j}, {i}] ({field[j, i]:.9g}): marks of missing data, or another unit? Fill the gaps, and give "
+                "metres above the place where the run starts."
+            )
+        slopes = [np.abs(np.diff(field, axis=axis)) / step for axis, step in ((1, dx), (0, dy))]
+        most = self.steepest * (1.0 + 1e-9)  # rounding
+        if max(slope.max() for slope in slopes) <= most:
+            return
+        along = int(slopes[1].max() > slopes[0].max())
+        j, i = (int(k) for k in np.unravel_index(int(slopes[along].argmax()), slopes[along].shape))
+        next_j, next_i = (j + 1, i) if along else (j, i + 1)
+        heights, slope = (float(field[j, i]), float(field[next_j, next_i])), float(slopes[along][j, i])
+        likely = max(heights, key=lambda z: abs(z - float(np.median(field))))
+        raise ValueError(
+            f"Terrain.heights: from {heights[0]:.6g} m at [{j}, {i}] to {heights[1]:.6g} m at [{next_j}, {next_i}] is "
+            f"a slope of {slope:.4g} ({math.degrees(math.atan(slope)):.1f} degrees), beyond Terrain.steepest = "
+            f"{self.steepest:g} as at {sum(int((s > most).sum()) for s in slopes)} pairs of neighbours. If {likely:.6g} marks "
+            "missing data, fill the gaps; if spacing is in another unit, give metres; if the step is real, raise "
+            "steepest."
+        )
 
     @classmethod
-    def slope(cls, angle: float, direction: float = 0.0) -> Terrain:
+    @checked
+    def slope(
+        cls,
+        angle: Annotated[
+            float, Quantity("rad", at_least=-1.1, at_most=1.1, remedy="give the angle in radians.")
+        ],
+        direction: Annotated[float, DIRECTION] = 0.0,
+    ) -> Terrain:  # fmt: skip
         """Make a plane through the world's origin.
 
         Parameters
@@ -97,8 +135,6 @@ class Terrain:
         direction : float
             Direction in which it rises, counter-clockwise from world x [rad].
         """
-        require_within("Terrain", -1.1, 1.1, "give the angle in radians.", slope_angle=angle)
-        require_finite("Terrain", slope_direction=direction)
         steepness = math.tan(angle)
         return cls(slope_x=steepness * math.cos(direction), slope_y=steepness * math.sin(direction))
 
@@ -107,6 +143,81 @@ class Terrain:
         """Tell if the terrain is a horizontal plane."""
         return self.slope_x == 0.0 and self.slope_y == 0.0 and self.heights is None
 
+    @property
+    def _steps(self) -> tuple[float, float]:
+        assert isinstance(self.spacing, tuple)
+        return self.spacing
+
+    @property
+    def extent(self) -> tuple[float, float, float, float] | None:
+        """Smallest x, largest x, smallest y and largest y of the field [m]; None for a plane, which has no end."""
+        if self.heights is None:
+            return None
+        (x, y), (dx, dy), (n_y, n_x) = self.origin, self._steps, np.shape(self.heights)
+        return x, x + dx * (n_x - 1), y, y + dy * (n_y - 1)
+
+    def holds(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which points lie within the field's extent; all do for a plane.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., 2)
+            World x, y [m].
+
+        Returns
+        -------
+        array of bool, shape (...)
+        """
+        x, y = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
+        if self.extent is None:
+            return np.ones(x.shape, dtype=bool)
+        (low_x, high_x, low_y, high_y), (dx, dy) = self.extent, self._steps
+        off_x, off_y = 1e-6 * dx, 1e-6 * dy  # rounding, in map coordinates above all
+        inside_x = (x >= low_x - off_x) & (x <= high_x + off_x)
+        return np.asarray(inside_x & (y >= low_y - off_y) & (y <= high_y + off_y))
+
+    def require_inside(self, name: str, what: str, points: ArrayLike, remedy: str = "") -> None:
+        """Refuse points that lie outside the field of heights.
+
+        Parameters
+        ----------
+        name : str
+            What the terrain is called in the message, as in ``"simulate.terrain"``.
+        what : str
+            What the points are, as in ``"the vehicle at its start"``.
+        points : array_like, shape (n, 2)
+            World x, y [m].
+        remedy : str, optional
+            What to do about it.
+
+        Raises
+        ------
+        ValueError
+            With the extents of the field and of the points, and the likely cause.
+        """
+        places = np.asarray(points, dtype=float)
+        if self.extent is None or self.holds(places).all():
+            return
+        x_low, x_high, y_low, y_high = self.extent
+        (low_x, low_y), (high_x, high_y) = places.min(axis=0), places.max(axis=0)
+        away = max(x_low - high_x, low_x - x_high, y_low - high_y, low_y - y_high)
+        if not remedy:
+            remedy = "give a larger field, or pad it (numpy.pad with mode='edge') if the ground goes on as at its edge."
+            if away > 0.0:
+                remedy = (
+                    "Terrain.origin is the place of heights[0, 0] in the world, in which a run starts at (0, 0): "
+                    "subtract the place of the start from map coordinates."
+                )
+        raise ValueError(
+            f"{name}: the field of heights reaches from x = {x_low:.9g} to {x_high:.9g} m and from y = {y_low:.9g} to "
+            f"{y_high:.9g} m, which does not hold {what}, x = {low_x:.9g} to {high_x:.9g} m, y = {low_y:.9g} to "
+            f"{high_y:.9g} m; {remedy}"
+        )
+
+    @cached_property
+    def _nodes(self) -> Array:
+        return np.zeros((0, 0, 4)) if self.heights is None else hermite_nodes(np.asarray(self.heights, dtype=float))
+
     def as_arrays(self) -> tuple[np.ndarray, Array]:
         """Return the terrain as compiled code reads it, see `terrain_height`.
 
@@ -114,55 +225,104 @@ class Terrain:
         -------
         terrain : array of dtype `TERRAIN_RECORD`, shape (1,)
             Kernels take its element 0.
-        heights : array, shape (n_y, n_x), or (0, 0) for a plane
-            Field added to the plane [m].
+        nodes : array, shape (n_y, n_x, 4), or (0, 0, 4) for a plane
+            Field added to the plane, as `hermite_nodes` gives it [m]; not to be changed.
         """
-        dx, dy = self.spacing if isinstance(self.spacing, tuple) else (self.spacing, self.spacing)
         terrain = np.zeros(1, TERRAIN_RECORD)
-        terrain[0] = self.height, self.slope_x, self.slope_y, self.origin[0], self.origin[1], dx, dy
-        heights = np.zeros((0, 0)) if self.heights is None else np.array(self.heights, dtype=float)
-        return terrain, heights
+        terrain[0] = self.height, self.slope_x, self.slope_y, *self.origin, *self._steps
+        return terrain, self._nodes
 
     def height_and_normal(self, x: float, y: float) -> tuple[float, Array]:
         """Return the height [m] and the unit normal, world axes, shape (3,), at a point x, y [m]."""
         require_finite("Terrain", x=x, y=y)
-        terrain, heights = self.as_arrays()
-        z, dz_dx, dz_dy = terrain_height(terrain[0], heights, float(x), float(y))
+        terrain, nodes = self.as_arrays()
+        z, dz_dx, dz_dy = terrain_height(terrain[0], nodes, float(x), float(y))
         normal = np.array([-dz_dx, -dz_dy, 1.0])
         return z, normal / np.linalg.norm(normal)
 
 
+def hermite_nodes(heights: Array) -> Array:
+    """Compute f, a, b and c of the module docstring at the points of a field.
+
+    Parameters
+    ----------
+    heights : array, shape (n_y, n_x)
+        [m]
+
+    Returns
+    -------
+    array, shape (n_y, n_x, 4)
+        [m]
+    """
+    rise_x, rise_y = _rises(heights, 1), _rises(heights, 0)
+    a, b = _limited(rise_x, heights, 1) / 3.0, _limited(rise_y, heights, 0) / 3.0
+    corners = np.stack([heights[:-1, :-1], heights[:-1, 1:], heights[1:, :-1], heights[1:, 1:]])
+    low = np.pad(corners.min(axis=0), 1, constant_values=-np.inf)
+    high = np.pad(corners.max(axis=0), 1, constant_values=np.inf)
+    least, most = np.full(heights.shape, -np.inf), np.full(heights.shape, np.inf)
+    for t, rows in ((-1.0, slice(None, -1)), (1.0, slice(1, None))):
+        for s, columns in ((-1.0, slice(None, -1)), (1.0, slice(1, None))):
+            point = heights + s * a + t * b
+            down, up = np.minimum(low[rows, columns] - point, 0.0), np.maximum(high[rows, columns] - point, 0.0)
+            if s * t < 0.0:
+                down, up = -up, -down
+            least, most = np.maximum(least, down), np.minimum(most, up)
+    c = np.clip(_rises(rise_x, 0) / 9.0, least, most)
+    nodes = np.stack([heights, a, b, c], axis=-1)
+    nodes.setflags(write=False)
+    return nodes
+
+
+def _rises(values: Array, axis: int) -> Array:
+    """Rise to the next point by central differences, one-sided ones of second order at the ends."""
+    f = np.moveaxis(values, axis, 0)
+    rises = np.empty_like(f)
+    if len(f) == 2:
+        rises[:] = f[1] - f[0]
+    else:
+        rises[1:-1] = 0.5 * (f[2:] - f[:-2])
+        rises[0] = 0.5 * (4.0 * f[1] - 3.0 * f[0] - f[2])
+        rises[-1] = 0.5 * (3.0 * f[-1] - 4.0 * f[-2] + f[-3])
+    return np.moveaxis(rises, 0, axis)
+
+
+def _limited(rises: Array, values: Array, axis: int) -> Array:
+    """Cut rises to 1.5 times the smaller one to a neighbour, and to 0 where the neighbours lie on one side."""
+    step = np.diff(values, axis=axis)
+    ends = [(0, 0), (0, 0)]
+    ends[axis] = (1, 1)
+    both = np.pad(step, ends, mode="edge")
+    before, after = np.moveaxis(both, axis, 0)[:-1], np.moveaxis(both, axis, 0)[1:]
+    before, after = np.moveaxis(before, 0, axis), np.moveaxis(after, 0, axis)
+    most = 1.5 * np.minimum(np.abs(before), np.abs(after))
+    kept = np.clip(rises, -most, most)
+    return np.where((before * after > 0.0) & (kept * after > 0.0), kept, 0.0)
+
+
 @njit(cache=True, error_model="numpy")
-def _spline_weights(t: float) -> tuple[float, float, float, float]:
-    """Catmull-Rom weights of four neighbours at t in (0, 1) between the second and the third."""
+def _bernstein(t: float) -> tuple[float, float, float, float, float, float, float, float]:
+    """Weights of f and of its neighbouring control point at both ends of (0, 1), then their derivatives by t.
+
+    A control point next to an end is f + a or f - a; its weight counts for f, too.
+    """
+    u = 1.0 - t
+    near, far = 3.0 * u * u * t, 3.0 * u * t * t
+    near_rate, far_rate = 3.0 * u * (u - 2.0 * t), 3.0 * t * (2.0 * u - t)
     return (
-        0.5 * t * (-1.0 + t * (2.0 - t)),
-        1.0 + 0.5 * t * t * (3.0 * t - 5.0),
-        0.5 * t * (1.0 + t * (4.0 - 3.0 * t)),
-        0.5 * t * t * (t - 1.0),
-    )
+        u * u * u + near, near, t * t * t + far, -far,
+        near_rate - 3.0 * u * u, near_rate, 3.0 * t * t + far_rate, -far_rate,
+    )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
-def _spline_slopes(t: float) -> tuple[float, float, float, float]:
-    """Derivatives of `_spline_weights` by t."""
-    return (
-        0.5 * (-1.0 + t * (4.0 - 3.0 * t)),
-        0.5 * t * (9.0 * t - 10.0),
-        0.5 * (1.0 + t * (8.0 - 9.0 * t)),
-        0.5 * t * (3.0 * t - 2.0),
-    )
-
-
-@njit(cache=True, error_model="numpy")
-def terrain_height(terrain: Any, heights: Array, x: float, y: float) -> tuple[float, float, float]:
+def terrain_height(terrain: Any, nodes: Array, x: float, y: float) -> tuple[float, float, float]:
     """Compute height and slopes of the terrain, for use inside compiled functions.
 
     Parameters
     ----------
     terrain : record of dtype `TERRAIN_RECORD`
         Element 0 of the first array of `Terrain.as_arrays`; that array must outlive the call.
-    heights : array, shape (n_y, n_x)
+    nodes : array, shape (n_y, n_x, 4)
         Second array of `Terrain.as_arrays`.
     x, y : float
         World coordinates [m].
@@ -174,9 +334,9 @@ def terrain_height(terrain: Any, heights: Array, x: float, y: float) -> tuple[fl
     """
     slope_x, slope_y = terrain.slope_x, terrain.slope_y
     z = terrain.height + slope_x * x + slope_y * y
-    if heights.size == 0:
+    n_y, n_x, _ = nodes.shape
+    if n_x == 0:
         return z, slope_x, slope_y
-    n_y, n_x = heights.shape
     column = (x - terrain.origin_x) / terrain.spacing_x
     row = (y - terrain.origin_y) / terrain.spacing_y
     inside_x = 0.0 <= column <= n_x - 1.0
@@ -185,21 +345,21 @@ def terrain_height(terrain: Any, heights: Array, x: float, y: float) -> tuple[fl
     row = min(max(row, 0.0), n_y - 1.0)
     i = min(int(column), n_x - 2)
     j = min(int(row), n_y - 2)
-    along_x, along_y = _spline_weights(column - i), _spline_weights(row - j)
-    rate_x, rate_y = _spline_slopes(column - i), _spline_slopes(row - j)
-    dz_dx = dz_dy = 0.0
-    for b in range(4):
-        line = min(max(j + b - 1, 0), n_y - 1)
-        value = slope = 0.0
-        for a in range(4):
-            h = heights[line, min(max(i + a - 1, 0), n_x - 1)]
-            value += along_x[a] * h
-            slope += rate_x[a] * h
-        z += along_y[b] * value
-        dz_dx += along_y[b] * slope
-        dz_dy += rate_y[b] * value
+    f_0, a_0, f_1, a_1, df_0, da_0, df_1, da_1 = _bernstein(column - i)
+    g_0, b_0, g_1, b_1, dg_0, db_0, dg_1, db_1 = _bernstein(row - j)
+    p, q, r, s = nodes[j, i], nodes[j, i + 1], nodes[j + 1, i], nodes[j + 1, i + 1]
+    below = f_0 * p[0] + a_0 * p[1] + f_1 * q[0] + a_1 * q[1]
+    below_rise = f_0 * p[2] + a_0 * p[3] + f_1 * q[2] + a_1 * q[3]
+    above = f_0 * r[0] + a_0 * r[1] + f_1 * s[0] + a_1 * s[1]
+    above_rise = f_0 * r[2] + a_0 * r[3] + f_1 * s[2] + a_1 * s[3]
+    z += g_0 * below + b_0 * below_rise + g_1 * above + b_1 * above_rise
     if inside_x:
-        slope_x += dz_dx / terrain.spacing_x
+        slope_x += (
+            g_0 * (df_0 * p[0] + da_0 * p[1] + df_1 * q[0] + da_1 * q[1])
+            + b_0 * (df_0 * p[2] + da_0 * p[3] + df_1 * q[2] + da_1 * q[3])
+            + g_1 * (df_0 * r[0] + da_0 * r[1] + df_1 * s[0] + da_1 * s[1])
+            + b_1 * (df_0 * r[2] + da_0 * r[3] + df_1 * s[2] + da_1 * s[3])
+        ) / terrain.spacing_x
     if inside_y:
-        slope_y += dz_dy / terrain.spacing_y
+        slope_y += (dg_0 * below + db_0 * below_rise + dg_1 * above + db_1 * above_rise) / terrain.spacing_y
     return z, slope_x, slope_y

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +15,15 @@ from numpy.typing import ArrayLike
 from exumob.ground.contact_patch import PATCH_FORCES, WheelMotion, WheelSize, wheel_soil_kernel
 from exumob.ground.soil import Soil
 from exumob.support.arrays import Array
-from exumob.support.checks import require_finite, require_positive
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
+
+SIZE = Quantity("m", above=0.0, at_most=100.0, plausible=(5e-3, 5.0))
+"""Radius or width of a wheel"""
+SPIN = Quantity("rad/s", at_least=-1e4, at_most=1e4)
+"""Angular velocity about the axle"""
+SPINS = Quantity("rad/s", at_least=-1e4, at_most=1e4, shape=(3,))
+"""The whole angular velocity of a wheel"""
 
 
 @dataclass(frozen=True)
@@ -51,15 +60,16 @@ class WheelSoilForces:
     """Angle of the largest normal stress [rad]"""
 
 
+@checked
 def wheel_soil_forces(
     soil: Soil,
-    wheel_radius: float,
-    wheel_width: float,
-    sinkage: float,
-    velocity: ArrayLike,
-    angular_velocity: ArrayLike,
+    wheel_radius: Annotated[float, SIZE],
+    wheel_width: Annotated[float, SIZE],
+    sinkage: Annotated[float, Quantity("m", at_least=-1e6, at_most=1e3)],
+    velocity: Annotated[ArrayLike, Quantity("m/s", at_least=-1e4, at_most=1e4, shape=(3,))],
+    angular_velocity: Annotated[float, SPIN] | Annotated[ArrayLike, SPINS],
     *,
-    standstill_rate: float = 0.01,
+    standstill_rate: Annotated[float, Quantity("rad/s", above=0.0, at_most=1e3)] = 0.01,
 ) -> WheelSoilForces:
     """Compute force, moment and driving torque of the soil on a rigid wheel, paper Eqs. (3) to (5).
 
@@ -87,23 +97,12 @@ def wheel_soil_forces(
     ValueError
         If a value is not finite, a size is not positive, or the wheel is sunk to its centre or deeper.
     """
-    require_positive("wheel", wheel_radius=wheel_radius, wheel_width=wheel_width, standstill_rate=standstill_rate)
-    require_finite("wheel", sinkage=sinkage)
-    spin = np.asarray(angular_velocity, dtype=float)
-    if spin.shape not in ((), (3,)) or not np.isfinite(spin).all():
-        raise ValueError(
-            f"wheel.angular_velocity = {angular_velocity!r} is not a finite number or three; give the spin about +y "
-            "or (omega_x, omega_y, omega_z), in rad/s."
-        )
+    spin = np.asarray(angular_velocity)
     omega_x, omega, omega_z = spin if spin.ndim else (0.0, float(spin), 0.0)
-    v = np.asarray(velocity, dtype=float)
-    if v.shape != (3,):
-        raise ValueError(f"wheel.velocity has shape {v.shape}; give (v_x, v_y, v_z) of the wheel centre in m/s.")
-    if not np.isfinite(v).all():
-        raise ValueError(f"wheel.velocity = {v} is not finite; give (v_x, v_y, v_z) in m/s.")
+    v = np.asarray(velocity)
     if sinkage >= wheel_radius:
         raise ValueError(
-            f"wheel.sinkage = {sinkage:g} m reaches the wheel centre (radius {wheel_radius:g} m), where Bekker-Wong "
+            f"sinkage = {sinkage:g} m reaches the wheel centre (radius {wheel_radius:g} m), where Bekker-Wong "
             "ends; use a firmer soil, a larger or wider wheel, or less load."
         )
     result = np.zeros(1, PATCH_FORCES)
@@ -118,16 +117,17 @@ def wheel_soil_forces(
     )  # fmt: skip
 
 
+@checked
 def contact_stresses(
     soil: Soil,
-    wheel_radius: float,
-    wheel_width: float,
-    sinkage: float,
-    velocity: ArrayLike,
-    angular_velocity: float,
+    wheel_radius: Annotated[float, SIZE],
+    wheel_width: Annotated[float, SIZE],
+    sinkage: Annotated[float, Quantity("m", above=0.0, at_most=1e3, remedy="the wheel does not touch; sink it.")],
+    velocity: Annotated[ArrayLike, Quantity("m/s", at_least=-1e4, at_most=1e4, shape=(3,))],
+    angular_velocity: Annotated[float, SPIN],
     *,
-    standstill_rate: float = 0.01,
-    points: int = 181,
+    standstill_rate: Annotated[float, Quantity("rad/s", above=0.0, at_most=1e3)] = 0.01,
+    points: Annotated[int, Quantity("1", at_least=2, at_most=1_000_000)] = 181,
 ) -> ContactStresses:
     """Compute normal and shear stress over the rim, paper Eqs. (3) and (4), for plots and checks.
 
@@ -148,11 +148,9 @@ def contact_stresses(
         soil, wheel_radius, wheel_width, sinkage, velocity, angular_velocity, standstill_rate=standstill_rate
     )
     v_x, v_y, v_z = np.asarray(velocity, dtype=float)
-    if sinkage <= 0.0:
-        raise ValueError(f"wheel.sinkage = {sinkage:g} m: the wheel does not touch; give a sinkage > 0.")
     if abs(angular_velocity) < standstill_rate or abs(v_x) < wheel_radius * standstill_rate:
         raise ValueError(
-            f"wheel.angular_velocity = {angular_velocity:g} rad/s, wheel.velocity[0] = {v_x:g} m/s: inside the "
+            f"contact_stresses.angular_velocity = {angular_velocity:g} rad/s, velocity[0] = {v_x:g} m/s: inside the "
             f"standstill bands ({standstill_rate:g} rad/s, {wheel_radius * standstill_rate:g} m/s) two patches are "
             "blended; give faster ones."
         )

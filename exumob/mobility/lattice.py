@@ -28,7 +28,7 @@ MEASURES = {
     "tilt": ("rad", "largest roll or pitch"),
     "out_of_range": ("1", "share of the time out of range"),
 }
-"""Numbers of a verdict (`exumob.mobility.crossing.judge`) that are averaged at a node: unit and meaning."""
+"""Numbers of a verdict (`exumob.mobility.crossing.judge_crossing`) that are averaged at a node: unit and meaning."""
 
 Node = tuple[int, int, int]
 """Panel, row (y) and column (x)."""

@@ -282,10 +282,10 @@ def compute_map(
     Returns
     -------
     xarray.Dataset
-        Dims (panel, y, x): probability, probability_low, probability_high (Wilson); means of the numbers of `judge`;
-        failure (the most frequent of those that failed, index of `FAILURES`; -1: interpolated); runs (0: interpolated).
-        Attribute ``computed_share``: share of the nodes that were computed. Runs out of time or killed do not count (a
-        warning counts them); the next call tries them again.
+        Dims (panel, y, x): probability, probability_low, probability_high (Wilson); means of the numbers of
+        `exumob.mobility.crossing.judge_crossing`; failure (the most frequent of those that failed, index of `FAILURES`;
+        -1: interpolated); runs (0: interpolated). Attribute ``computed_share``: share of the nodes that were computed.
+        Runs out of time or killed do not count (a warning counts them); the next call tries them again.
 
     Raises
     ------

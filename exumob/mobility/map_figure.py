@@ -29,7 +29,7 @@ AXIS_NAMES = {
     "water.depth": "depth [m]",
 }  # fmt: skip
 """Labels of the axes, by dotted name; others are labelled by their name and unit."""
-FAILURE_COLORS = ("none", "0.25", "C0", "C4", "C5", "C3", "C1", "C6", "0.6")
+FAILURE_COLORS = ("none", "0.25", "C0", "C4", "C5", "C3", "C1", "C6", "0.6", "C9", "C8")
 """Colours of failures, by index of `exumob.mobility.crossing.FAILURES`."""
 LEVELS: dict[float, Any] = {
     0.1: {"lw": 1.0, "ls": (0, (5, 1.5, 1, 1.5))}, 0.5: {"lw": 2.0, "ls": "-"}, 0.9: {"lw": 1.0, "ls": (0, (5, 1.5))},
@@ -126,9 +126,9 @@ def _draw_panel(
     else:
         axes.contourf(x, y, known, SHADES, cmap="RdYlBu", alpha=0.85)
         low, high = (panel[f"probability_{side}"].values for side in ("low", "high"))
-        inside = [np.where(outside <= range_share, bound, np.nan) for bound in (low, high)]
+        inside_low, inside_high = (np.where(outside <= range_share, bound, np.nan) for bound in (low, high))
         for level in LEVELS:
-            cells = separated_cells(*inside, level) & counts
+            cells = separated_cells(inside_low, inside_high, level) & counts
             keys |= _draw_line(axes, x, y, known, level, cells, f"chance {100.0 * level:.0f} %")
         keys |= _draw_undecided(axes, x, y, low, high)
     keys |= _draw_speed(axes, x, y, np.where(outside <= range_share, panel["speed"].values, np.nan))

@@ -139,8 +139,8 @@ def vehicle_loads(
     Parameters
     ----------
     parameters : array of dtype `LOAD_PARAMETERS`, shape (1,)
-    heights : array, shape (ny, nx)
-        Height field of the terrain (see `Terrain.as_arrays`).
+    heights : array, shape (ny, nx, 4)
+        Field of heights of the terrain (see `Terrain.as_arrays`).
     coordinates, velocities, reference : array, shape (63,)
         Node displacements and Euler-parameter increments, their rates, and the reference values.
     loads : array of dtype `LOADS`, shape (1,)

@@ -41,8 +41,8 @@ def soil_on_wheel(
     Parameters
     ----------
     p : record of dtype `exumob.multibody.applied_loads.LOAD_PARAMETERS`
-    heights : array, shape (ny, nx)
-        Height field of the terrain (see `Terrain.as_arrays`).
+    heights : array, shape (ny, nx, 4)
+        Field of heights of the terrain (see `Terrain.as_arrays`).
     center, velocity : array, shape (3,) or longer
         Wheel centre [m] and its velocity [m/s], world axes.
     axle : array, shape (3,)

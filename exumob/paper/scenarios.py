@@ -10,9 +10,11 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from typing import Annotated
 
 from exumob.driving.maneuver import LaneChange, lane_change
-from exumob.support.checks import require_within
+from exumob.support.declared import Declared, checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 
@@ -24,24 +26,20 @@ REFERENCE_STEERING = 30.0
 
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(Declared):
     """Water and steering of one lane change, in the units of its name."""
 
-    depth_ratio: float
-    """Water depth over tyre diameter [-]"""
-    current_speed: float
-    """Speed of the current over ground [m/s]"""
-    steering: float = REFERENCE_STEERING
-    """Amplitude of the steering angle [deg]; negative: the mirrored maneuver"""
-    current_angle: float = 0.0
-    """Angle of the current [deg]; 0: from ahead; positive: from the left of the first heading"""
-
-    def __post_init__(self) -> None:
-        require_within("Scenario", 0.0, 2.0, depth_ratio=self.depth_ratio)
-        require_within("Scenario", 0.0, 5.0, current_speed=self.current_speed)
-        require_within("Scenario", -180.0, 180.0, current_angle=self.current_angle)
+    depth_ratio: Annotated[float, Quantity("1", at_least=0.0, at_most=2.0)]
+    """Water depth over tyre diameter"""
+    current_speed: Annotated[float, Quantity("m/s", at_least=0.0, at_most=5.0)]
+    """Speed of the current over ground"""
+    steering: Annotated[float, Quantity("degrees", at_least=-80.0, at_most=80.0)] = REFERENCE_STEERING
+    """Amplitude of the steering angle; negative: the mirrored maneuver"""
+    current_angle: Annotated[float, Quantity("degrees", at_least=-180.0, at_most=180.0)] = 0.0
+    """Angle of the current; 0: from ahead; positive: from the left of the first heading"""
 
     @classmethod
+    @checked
     def named(cls, name: str) -> Scenario:
         """Make the scenario of a name: D60/U1, D50/U0.5/15deg (steering), D50/U0.5@20 (current 20 deg from the left).
 

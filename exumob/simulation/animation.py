@@ -26,6 +26,7 @@ from exumob.simulation.plotting import (
     water_label,
 )
 from exumob.support.arrays import Array
+from exumob.support.cost import require_frames
 from exumob.support.figures import BODY_COLOR, SOIL_COLOR, STYLE, WATER_COLOR, footnote
 from exumob.vehicle.parameters import Hull
 
@@ -49,6 +50,10 @@ def animate_run(dataset: xr.Dataset, file: str | Path, frames_per_second: int = 
     else:
         raise ValueError(f"animation {path}: the ending {path.suffix!r} is not known; use .gif or .mp4.")
     times = dataset["time"].values
+    if not 0.0 < frames_per_second <= 1000.0:
+        raise ValueError(f"animate_run.frames_per_second = {frames_per_second} must be > 0 and <= 1000; give 12, say.")
+    remedy = "give a shorter run, or fewer frames_per_second."
+    require_frames("animate_run", math.ceil(float(times[-1]) * frames_per_second), 720 * 640, remedy)
     frames = np.searchsorted(times, np.arange(0.0, times[-1] + 1e-9, 1.0 / frames_per_second))
     frames = np.unique([*np.minimum(frames, len(times) - 1), len(times) - 1])
     with plt.rc_context(STYLE):

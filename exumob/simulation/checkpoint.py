@@ -27,6 +27,7 @@ from exumob.support.files import PACKAGE, atomic_write
 from exumob.support.provenance import parameters_json, versions
 from exumob.vehicle.motion import HISTORY_STEP
 from exumob.water.hydrodynamics import Hydrodynamics
+from exumob.water.mesh_file import mesh_digest
 
 logger = logging.getLogger(__name__)
 
@@ -54,9 +55,7 @@ class Fingerprint:
         maneuver = run.maneuver
         course = np.array([(*maneuver.steering(t), *maneuver.wheel_speed(t)) for t in times], dtype=float)
         parts["maneuver"] += hashlib.sha256(course.tobytes()).hexdigest()
-        mesh = run.vehicle.hull.mesh
-        if mesh is not None:
-            parts["vehicle"] += hashlib.sha256(Path(mesh).read_bytes()).hexdigest()
+        parts["vehicle"] += mesh_digest(run.vehicle.hull)
         parts["versions"] = json.dumps(versions())
         parts["program"] = program_digest()
         return cls(parts)

@@ -7,10 +7,14 @@ from dataclasses import asdict, is_dataclass
 import numpy as np
 
 from exumob.driving.maneuver import FeedbackManeuver, Maneuver
+from exumob.simulation.cost import require_room
 from exumob.simulation.description import Steps
 from exumob.support.checks import require_positive
 from exumob.vehicle.motion import HISTORY_STEP
 from exumob.vehicle.parameters import Vehicle
+
+MOST_SAMPLES = 100_000
+"""Instants at which a maneuver is looked at; of a longer one than 100 s not every millisecond."""
 
 
 def check_steps(steps: Steps) -> None:
@@ -31,6 +35,7 @@ def check_steps(steps: Steps) -> None:
                 f"simulate: {name} ({coarse:g} s) must be a whole multiple of {fine_name} = {fine:g} s; "
                 f"choose {choice} = {advice} s, say."
             )
+    require_room(steps)
 
 
 def check_described(maneuver: Maneuver) -> None:
@@ -43,9 +48,15 @@ def check_described(maneuver: Maneuver) -> None:
         )
 
 
-def check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> None:
-    """Raise ValueError unless a maneuver is finite, starts at rest and stays within the steering limit."""
-    times = np.arange(0.0, duration + HISTORY_STEP, HISTORY_STEP)
+def check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> tuple[float, float]:
+    """Raise ValueError unless a maneuver is finite, starts at rest and stays within the steering limit.
+
+    Returns
+    -------
+    (float, float)
+        Smallest and largest mean angle of the front wheels that it can ask for [rad].
+    """
+    times = np.arange(0.0, duration + HISTORY_STEP, max(HISTORY_STEP, duration / MOST_SAMPLES))
     steering = np.array([maneuver.steering(t) for t in times])
     speed = np.array([maneuver.wheel_speed(t) for t in times])
     if not (np.isfinite(steering).all() and np.isfinite(speed).all()):
@@ -70,3 +81,6 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> Non
             f"maneuver: starts with steering {steering[0, 0]:.3g} rad and wheel speed {speed[0, 0]:.3g} rad/s; it must "
             "start at rest, straight ahead, with zero rates (the vehicle starts in static equilibrium). Ramp them up."
         )
+    if isinstance(maneuver, FeedbackManeuver):
+        return -largest, largest
+    return float(steering[:, 0].min()), float(steering[:, 0].max())

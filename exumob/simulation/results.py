@@ -13,6 +13,7 @@ from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.description import RunDescription
 from exumob.simulation.summary import range_shares
 from exumob.simulation.trust import trust_of
+from exumob.simulation.verdict import judge, with_verdict
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.support.provenance import parameters_json, provenance
@@ -40,7 +41,7 @@ VARIABLES = {
     "spin_torque": ("time wheel", "N m", "driving torque on the wheel (spin constraint)"),
     "spin_power": ("time wheel", "W", "power of the driving torque"),
     "sinkage": ("time wheel", "m", "sinkage of the tyre below the soil surface"),
-    "slip_ratio": ("time wheel", "1", "slip ratio, positive driving, negative braking"),
+    "slip_ratio": ("time wheel", "1", "slip ratio, positive driving, negative braking; nan without contact"),
     "slip_angle": ("time wheel", "rad", "angle of the wheel's velocity to its plane"),
     "soil_force": ("time wheel axis", "N", "force of the soil on the tyre, world axes"),
     "soil_moment": ("time wheel axis", "N m", "moment of the soil about the wheel centre, world axes"),
@@ -61,15 +62,38 @@ VARIABLES = {
     "constraint_error": ("time constraint_level", "m or rad, rad s-1", "largest constraint residual"),
 }
 """The variables of a result."""
+COMMENTS = {
+    "slip_ratio": (
+        "(r w - v) / (r w) where the tread is faster than the wheel's centre, (r w - v) / v where it is slower: 1 for "
+        "a wheel that spins in place, -1 for a locked one that slides; it fades to 0 where both stand. A wheel that "
+        "does not touch the soil has no slip: nan."
+    ),
+    "flow_state": "units along state: rad, rad, m s-1, m s-1, m",
+    "water_wrench": "units along component: N, N, N, N m, N m, N m",
+    "constraint_error": "units along constraint_level: m or rad; m s-1 or rad s-1",
+}
+"""Comments on some variables (attribute ``comment``)."""
+COORDINATES = {
+    "body": "hull, and each wheel with its upright",
+    "wheel": "wheel",
+    "front_wheel": "steered wheel",
+    "axis": "world axis: x initial heading, y left, z up",
+    "quaternion_component": "component of a quaternion, scalar first",
+    "component": "force and moment about the body's origin, body axes",
+    "state": "state of paper Eq. 7",
+    "work_kind": "what does the work",
+    "constraint_level": "level on which the constraints are looked at",
+}
+"""Names along dimensions, with their meaning."""
 
 
 def build_dataset(
-    model: MultibodyVehicle, run: RunDescription, status: str, wall_times: dict[str, float]
+    model: MultibodyVehicle, run: RunDescription, status: str, wall_times: dict[str, float], cause: str = ""
 ) -> xr.Dataset:
-    """Build the Dataset of a run, complete or not.
+    """Build the Dataset of a run, complete or not, with its verdict (`exumob.simulation.verdict`).
 
     Dimensions: ``time``, ``body`` (`exumob.vehicle.motion.BODIES`), ``wheel``, ``axis`` (world x, y, z), ``component``
-    (of a wrench), ``state`` (Eq. 7), ``work_kind``. The forces on each body balance:
+    (of a wrench), ``state`` (Eq. 7), ``work_kind``, ``condition`` (of the verdict). The forces on each body balance:
     ``soil_load + water_load + gravity_load + suspension_load + constraint_load = mass * acceleration``.
 
     Parameters
@@ -81,11 +105,14 @@ def build_dataset(
         How the run ended.
     wall_times : dict of str to float
         Times of computing [s], kept as attributes.
+    cause : str
+        Cause of a breakdown (`exumob.support.errors.SimulationError.cause`), if it is known.
 
     Returns
     -------
     xarray.Dataset
-        Every variable has ``units`` and ``long_name``; the attributes hold all parameters, versions and the status.
+        Every variable has ``units`` and ``long_name``; the attributes hold all parameters, versions, the status and the
+        verdict.
     """
     vehicle, water = run.vehicle, run.water
     records = model.records
@@ -114,7 +141,7 @@ def build_dataset(
         "spin_torque": records["spin_torque"],
         "spin_power": records["spin_torque"] * states.wheel_speed,
         "sinkage": loads["sinkage"],
-        "slip_ratio": loads["slip_ratio"],
+        "slip_ratio": np.where(loads["sinkage"] > 0.0, loads["slip_ratio"], np.nan),
         "slip_angle": loads["slip_angle"],
         "soil_force": loads["soil_force"],
         "soil_moment": loads["soil_moment"],
@@ -132,8 +159,8 @@ def build_dataset(
     }
     dataset = xr.Dataset(
         {
-            name: (dims.split(), np.ascontiguousarray(values[name]), {"units": units, "long_name": text})
-            for name, (dims, units, text) in VARIABLES.items()
+            name: (dims.split(), np.ascontiguousarray(values[name]), attributes(name))
+            for name, (dims, *_) in VARIABLES.items()
         },
         coords={
             "time": ("time", np.array(states.time), {"units": "s", "long_name": "time since release"}),
@@ -148,6 +175,8 @@ def build_dataset(
             "constraint_level": ["position", "velocity"],
         },
     )
+    for name, text in COORDINATES.items():
+        dataset[name].attrs |= {"units": "1", "long_name": text}
     dataset = dataset.assign({f"hydrodynamics_{k}": v for k, v in run.hydrodynamics.record().items()})
     dataset = dataset.merge({f"coupling_{k}": v for k, v in run.coupling.record().items()}, join="outer")
     dataset.attrs = provenance() | {
@@ -158,8 +187,16 @@ def build_dataset(
         "parameters": parameters_json(run.parts()),
         **wall_times,
         **trust_of(run, *range_shares(dataset).values()).attributes(),
+        **({"cause": cause} if cause else {}),
     }
-    return dataset
+    return with_verdict(dataset, judge(dataset, vehicle=vehicle))
+
+
+def attributes(name: str) -> dict[str, str]:
+    """Return ``units``, ``long_name`` and, where there is one, ``comment`` of a variable of `VARIABLES`."""
+    _, units, text = VARIABLES[name]
+    about = {"units": units, "long_name": text}
+    return about | ({"comment": COMMENTS[name]} if name in COMMENTS else {})
 
 
 def _keel_clearance(vehicle: Vehicle, terrain: Terrain, states: BodyStates) -> Array:

@@ -6,6 +6,7 @@ import logging
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Annotated
 
 import xarray as xr
 
@@ -15,17 +16,23 @@ from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.driving.maneuver import Maneuver, lane_change
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
+from exumob.multibody.applied_loads import vehicle_loads
 from exumob.multibody.settling import SETTLING_STEP
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.checkpoint import Checkpoints, Fingerprint
 from exumob.simulation.checks import check_described, check_maneuver, check_steps
+from exumob.simulation.cost import prepare
 from exumob.simulation.description import RunDescription, Steps
 from exumob.simulation.results import build_dataset
 from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, setting_named
 from exumob.simulation.stop_request import StopRequest
 from exumob.simulation.water_models import DEFAULT_MODEL, hydrodynamics_named
+from exumob.support import quantities
 from exumob.support.arrays import Array
+from exumob.support.compiled import say_compilation
+from exumob.support.declared import checked
 from exumob.support.errors import SimulationError, SimulationInterrupted
+from exumob.support.quantities import STEP
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
@@ -34,6 +41,7 @@ from exumob.water.hydrodynamics import Hydrodynamics, SpinUpHydrodynamics
 logger = logging.getLogger(__name__)
 
 
+@checked
 def simulate(  # one argument a part of the run; all but two have defaults
     vehicle: Vehicle,
     soil: Soil,
@@ -41,11 +49,11 @@ def simulate(  # one argument a part of the run; all but two have defaults
     maneuver: Maneuver | None = None,
     hydrodynamics: Hydrodynamics | str = DEFAULT_MODEL,
     *,
-    duration: float = DURATION,
+    duration: Annotated[float, quantities.DURATION] = DURATION,
     setting: str = DEFAULT_SETTING,
-    micro_step: float | None = None,
-    macro_step: float | None = None,
-    record_step: float = RECORD_STEP,
+    micro_step: Annotated[float | None, STEP] = None,
+    macro_step: Annotated[float | None, STEP] = None,
+    record_step: Annotated[float, STEP] = RECORD_STEP,
     terrain: Terrain | None = None,
     coupling: Coupling | None = None,
     checkpoint: str | Path | None = None,
@@ -103,8 +111,8 @@ def simulate(  # one argument a part of the run; all but two have defaults
     SimulationInterrupted
         On Ctrl-C; a KeyboardInterrupt whose ``result`` holds the Dataset up to then.
     """
-    maneuver = maneuver or lane_change()
-    terrain = terrain or Terrain()
+    maneuver = lane_change() if maneuver is None else maneuver
+    terrain = Terrain() if terrain is None else terrain
     if isinstance(hydrodynamics, str):
         hydrodynamics = hydrodynamics_named(hydrodynamics, vehicle, water)
     in_loop = isinstance(hydrodynamics, SpinUpHydrodynamics)
@@ -121,11 +129,12 @@ def simulate(  # one argument a part of the run; all but two have defaults
             "simulate.terrain: the water models know a flat bed at z = 0 only; leave out the water, or use the default "
             "terrain."
         )
-    check_maneuver(vehicle, maneuver, duration)
+    commands = check_maneuver(vehicle, maneuver, duration)
     run = RunDescription(
         vehicle, soil, water, terrain, maneuver, hydrodynamics,
-        coupling or (SemiImplicit() if in_loop else Explicit()), steps,
+        (SemiImplicit() if in_loop else Explicit()) if coupling is None else coupling, steps,
     )  # fmt: skip
+    prepare(run, commands, None if checkpoint is None else Path(checkpoint))
     store = None
     if checkpoint is not None:
         check_described(maneuver)
@@ -139,6 +148,7 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
     """Settle the vehicle, or go on from a checkpoint, and take the macro steps (paper Fig. 2)."""
     steps, hydrodynamics, scheme = run.steps, run.hydrodynamics, run.coupling
     began = time.perf_counter()
+    say_compilation("the vehicle model", vehicle_loads, "half a minute to a minute")
     model = MultibodyVehicle(
         run.vehicle, run.soil, run.maneuver, run.terrain, steps.micro_step, steps.duration, steps.record_step
     )
@@ -152,10 +162,10 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
         hydrodynamics.start(run.vehicle, run.water, steps.macro_step)
     settled = time.perf_counter()
 
-    def result(status: str) -> xr.Dataset:
+    def result(status: str, cause: str = "") -> xr.Dataset:
         earlier = 0.0 if store is None else store.elapsed
         walls = {"wall_time": earlier + time.perf_counter() - settled, "settling_wall_time": settled - began}
-        return build_dataset(model, run, status, walls)
+        return build_dataset(model, run, status, walls, cause)
 
     stop = StopRequest()
     try:
@@ -168,7 +178,7 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
                     progress(model.time)
                 stop.check()
     except SimulationError as error:
-        error.result = result(f"broke down at {model.time:.4f} s: {error}")
+        error.result = result(f"broke down at {model.time:.4f} s: {error}", error.cause)
         _keep(store, model, run)
         raise
     except KeyboardInterrupt:

@@ -2,19 +2,48 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 
+from exumob.simulation.verdict import verdict_of
 
-def summary(dataset: xr.Dataset) -> dict[str, float]:
-    """Compute the key figures of a run.
+FIGURES: dict[str, tuple[str, str]] = {
+    # name: (unit, meaning)
+    "verdict": ("1", "whether the vehicle drove, and if not, what befell it"),
+    "verdict_since": ("s", "first onset of the verdict; nan without one"),
+    "distance": ("m", "distance along the path"),
+    "forward": ("m", "displacement along world x"),
+    "lateral": ("m", "displacement along world y"),
+    "yaw": ("rad", "final yaw"),
+    "drift_angle": ("rad", "course less heading at the end"),
+    "mean_slip": ("1", "mean slip ratio of the wheels in contact, second half of the run; nan without contact"),
+    "buoyed_share": ("1", "mean upward force of the water over the weight"),
+    "spin_energy": ("J", "work of the driving torques"),
+    "wall_time": ("s", "time of computing"),
+    "real_time_factor": ("1", "simulated over wall time"),
+    "out_of_range_share": ("1", "share of the time in which some body was outside the training range"),
+    "fallback_share": ("1", "share of the coefficient model in the loads, mean over time and bodies"),
+    "members": ("1", "members of the ensemble that arrived"),
+    "forward_spread": ("m", "standard deviation of the members' final places along world x"),
+    "lateral_spread": ("m", "standard deviation of the members' final places along world y"),
+    "yaw_spread": ("rad", "standard deviation of the members' final yaw"),
+}
+"""Unit and meaning of each figure of `summary`."""
+
+
+def summary(dataset: xr.Dataset) -> dict[str, Any]:
+    """Compute the key figures of a run; `FIGURES` holds their units.
 
     Returns
     -------
     dict
+        - verdict, a word (`exumob.simulation.verdict.VERDICTS`); verdict_since [s], nan without an onset; neither for
+          an old or foreign run that holds too little for a verdict;
         - distance [m] along the path; forward and lateral displacement [m]; final yaw [rad];
         - drift_angle [rad]: course less heading at the end;
-        - mean_slip [-]: mean slip ratio of all wheels over the second half of the run;
+        - mean_slip [-]: mean slip ratio of the wheels in contact over the second half of the run; nan if none was;
         - buoyed_share [-]: mean upward force of the water over the weight;
         - spin_energy [J]: work of the driving torques;
         - wall_time [s]; real_time_factor [-]: simulated over wall time;
@@ -33,7 +62,9 @@ def summary(dataset: xr.Dataset) -> dict[str, float]:
     yaw = float(hull["yaw"][-1])
     course = float(np.arctan2(velocity[1], velocity[0])) if np.hypot(*velocity[:2]) > 0.01 else yaw
     wall = float(dataset.attrs["wall_time"])
+    verdict = verdict_of(dataset)
     return {
+        **({} if verdict is None else verdict.figures()),
         "distance": float(np.hypot(*np.diff(path, axis=0).T).sum()),
         "forward": float(path[-1, 0] - path[0, 0]),
         "lateral": float(path[-1, 1] - path[0, 1]),

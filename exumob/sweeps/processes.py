@@ -24,6 +24,7 @@ import xarray as xr
 
 from exumob.simulation.result_files import save_dataset
 from exumob.simulation.summary import summary
+from exumob.simulation.verdict import verdict_of_error
 from exumob.support.errors import SimulationError
 from exumob.sweeps.case_store import CaseStore
 
@@ -75,6 +76,8 @@ class _Worker:
         except (Exception, _OutOfTime) as error:
             reached = error.result if isinstance(error, SimulationError) else None
             values = summary(reached) if isinstance(reached, xr.Dataset) and reached.sizes["time"] > 1 else {}
+            if isinstance(error, SimulationError) and not alarm.rang:
+                values |= verdict_of_error(error).figures()
             if alarm.rang:  # it may come out of the solver as another error
                 return end("out of time", f"it had not ended after {store.time_limit:g} s", values)
             if isinstance(error, SimulationError):

@@ -9,18 +9,36 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import numpy as np
 
-from exumob.driving.maneuver import Maneuver, smooth_step
+from exumob.driving.maneuver import (
+    RAMP_TIME,
+    STEERING_ANGLE,
+    WHEEL_SPEED,
+    FeedbackManeuver,
+    Maneuver,
+    smooth_step,
+)
 from exumob.flow.poses import Poses
 from exumob.support.arrays import Array
-from exumob.support.checks import require_finite, require_positive, require_within
+from exumob.support.declared import Declared
+from exumob.support.quantities import Quantity
 from exumob.support.rotations import about_y, about_z
 from exumob.vehicle.parameters import Motion, Vehicle
 from exumob.water.conditions import Water
 
+SPEED = Quantity("m/s", at_least=-20.0, at_most=20.0)
+"""Speed of the carriage"""
+TURN = Quantity("rad", at_least=-math.pi, at_most=math.pi)
+"""Angle of the hull to its course"""
+YAW_RATE = Quantity("rad/s", at_least=-20.0, at_most=20.0)
+"""Turning of course and heading"""
+AMPLITUDE = Quantity("m", at_least=-100.0, at_most=100.0, plausible=(-5.0, 5.0))
+"""Sideways or vertical motion"""
+FREQUENCY = Quantity("Hz", at_least=1e-4, at_most=100.0)
+"""Of an oscillation"""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 
 
@@ -40,7 +58,7 @@ class PrescribedMotion(Protocol):
 
 
 @dataclass(frozen=True)
-class CaptiveMotion:
+class CaptiveMotion(Declared):
     """A vehicle towed along the tank, drifting, turning, steering, oscillating; everything starts C2-smoothly.
 
     The vehicle starts afloat in the current, so that the flow starts undisturbed, and within `ramp_time` a quintic
@@ -53,56 +71,51 @@ class CaptiveMotion:
         If a value is not finite or outside its range, or `driver` and a steering or wheel speed of its own are given.
     """
 
-    speed: float = 1.0
+    speed: Annotated[float, SPEED] = 1.0
     """Speed of the hull's centre of mass over ground [m/s]"""
-    drift_angle: float = 0.0
+    drift_angle: Annotated[float, TURN] = 0.0
     """Course less heading [rad]; positive: the vehicle slips to its left, so that the water meets its left side"""
-    yaw_rate: float = 0.0
+    yaw_rate: Annotated[float, YAW_RATE] = 0.0
     """Yaw rate [rad/s]; positive turns left; the course turns with the heading, so the path becomes a circle"""
-    wheel_speed: float = 0.0
+    wheel_speed: Annotated[float, WHEEL_SPEED] = 0.0
     """Speed of the four wheels about their axles [rad/s], positive rolls forward"""
-    steering: float = 0.0
+    steering: Annotated[float, STEERING_ANGLE] = 0.0
     """Mean front-wheel angle [rad], positive to the left"""
-    steering_amplitude: float = 0.0
+    steering_amplitude: Annotated[float, STEERING_ANGLE] = 0.0
     """Amplitude of the oscillation about `steering` [rad]"""
-    steering_frequency: float = 0.5
+    steering_frequency: Annotated[float, FREQUENCY] = 0.5
     """Frequency of that oscillation [Hz]"""
-    sway_amplitude: float = 0.0
+    sway_amplitude: Annotated[float, AMPLITUDE] = 0.0
     """Amplitude of the sideways motion, sin(2 pi frequency t) [m]"""
-    yaw_amplitude: float = 0.0
+    yaw_amplitude: Annotated[float, STEERING_ANGLE] = 0.0
     """Amplitude of the heading, cos(2 pi frequency t) [rad]. The pure-yaw test, heading along the path, has
     yaw_amplitude = 2 pi frequency sway_amplitude / speed (small angles)"""
-    heave_amplitude: float = 0.0
+    heave_amplitude: Annotated[float, AMPLITUDE] = 0.0
     """Amplitude of the hull's heave over the standing wheels, sin(2 pi frequency t) [m]"""
-    pitch_amplitude: float = 0.0
+    pitch_amplitude: Annotated[float, STEERING_ANGLE] = 0.0
     """Amplitude of the hull's pitch about its centre of mass, sin(2 pi frequency t), bow down positive [rad]"""
-    frequency: float = 0.5
+    frequency: Annotated[float, FREQUENCY] = 0.5
     """Frequency of sway, yaw, heave and pitch [Hz]"""
-    heave: float = 0.0
+    heave: Annotated[float, AMPLITUDE] = 0.0
     """Constant rise of the hull over ride height [m]"""
-    pitch: float = 0.0
+    pitch: Annotated[float, STEERING_ANGLE] = 0.0
     """Constant trim of the hull, bow down positive [rad]"""
-    ramp_time: float = 1.0
+    ramp_time: Annotated[float, RAMP_TIME] = 1.0
     """Time from drifting with the current to the prescribed motion [s]"""
     driver: Maneuver | None = None
     """A maneuver that steers and spins the wheels instead of `steering` and `wheel_speed`"""
 
-    def __post_init__(self) -> None:
-        owner, half_turn, sharp = "CaptiveMotion", math.pi, math.radians(80.0)
-        require_within(owner, -20.0, 20.0, speed=self.speed)
-        require_within(owner, -half_turn, half_turn, drift_angle=self.drift_angle)
-        require_within(owner, -20.0, 20.0, yaw_rate=self.yaw_rate)
-        require_finite(
-            owner, wheel_speed=self.wheel_speed, sway_amplitude=self.sway_amplitude, heave=self.heave,
-            heave_amplitude=self.heave_amplitude,
-        )  # fmt: skip
-        require_within(
-            owner, -sharp, sharp, steering=self.steering, steering_amplitude=self.steering_amplitude,
-            yaw_amplitude=self.yaw_amplitude, pitch=self.pitch, pitch_amplitude=self.pitch_amplitude,
-        )  # fmt: skip
-        require_positive(
-            owner, ramp_time=self.ramp_time, frequency=self.frequency, steering_frequency=self.steering_frequency
-        )
+    def _check(self) -> None:
+        if self.driver is not None and not (callable(self.driver.steering) and callable(self.driver.wheel_speed)):
+            raise ValueError(
+                f"CaptiveMotion.driver = {type(self.driver).__name__} is no maneuver: its steering and wheel_speed "
+                "must be functions of time; use lane_change(), say."
+            )
+        if isinstance(self.driver, FeedbackManeuver):
+            raise ValueError(
+                f"CaptiveMotion.driver = {type(self.driver).__name__} answers to the motion of a vehicle that drives; "
+                "on a prescribed path use a maneuver that is a function of time, as lane_change()."
+            )
         if self.driver is not None and (self.steering or self.steering_amplitude or self.wheel_speed):
             raise ValueError(
                 "CaptiveMotion.driver steers and spins the wheels; leave steering, steering_amplitude and wheel_speed "

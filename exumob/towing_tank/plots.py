@@ -13,7 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from exumob.flow.output.pictures import describe, plot_surfaces
+from exumob.support.declared import checked
 from exumob.support.figures import STYLE
+from exumob.towing_tank.record import require_captive
 from exumob.vehicle.motion import BODIES
 
 BODY_COLORS = dict(zip(BODIES, ("C0", "C1", "C3", "C2", "C4"), strict=True))
@@ -32,8 +34,10 @@ def plot_load(
     return artists
 
 
+@checked
 def plot_captive_loads(figure: Figure | SubFigure, dataset: xr.Dataset) -> list[Axes]:
     """Draw forces and moments of the hull, and the same of the wheels; dashed: means of the second half."""
+    require_captive(dataset, "plot_captive_loads")
     panels = figure.subplots(4, 3, sharex=True)
     later = dataset.sel(time=slice(0.5 * float(dataset["time"][-1]), None))
     for row, (bodies, name) in enumerate((b, n) for b in (BODIES[:1], BODIES[1:]) for n in ("force", "moment")):
@@ -60,8 +64,14 @@ def plot_captive_loads(figure: Figure | SubFigure, dataset: xr.Dataset) -> list[
     return list(panels.flat)
 
 
+@checked
 def plot_captive(dataset: xr.Dataset) -> Figure:
     """Draw a captive run on one page: the free surface at two instants if snapshots were kept, and the loads."""
+    require_captive(dataset, "plot_captive")
+    if dataset.sizes["time"] < 3:
+        raise ValueError(
+            f"plot_captive.dataset holds {dataset.sizes['time']} instants; it takes three to draw them, so run longer."
+        )
     with plt.rc_context(STYLE):
         window = 1e3 * float(dataset.attrs["smoothing_window"])
         about = f"water on the vehicle, body axes; thin: raw, thick: mean over {window:.0f} ms, dashed: mean"

@@ -10,6 +10,7 @@ import xarray as xr
 from exumob.flow import FlowSolver, Poses
 from exumob.flow.output.snapshots import Snapshot, snapshots_dataset
 from exumob.support.arrays import Array
+from exumob.support.declared import checked
 from exumob.support.smoothing import smoothed
 from exumob.towing_tank.checks import front_wheel_angles
 from exumob.vehicle.motion import BODIES, WHEELS, quaternions
@@ -132,6 +133,17 @@ class CaptiveRecord:
         }
 
 
+def require_captive(dataset: xr.Dataset, function: str) -> None:
+    """Raise ValueError unless a Dataset is the result of a captive run."""
+    missing = [name for name in ("force", "moment_smooth", "position") if name not in dataset]
+    if missing or "parameters" not in dataset.attrs:
+        raise ValueError(
+            f"{function}.dataset has no {missing[0] if missing else 'parameters'}; give the result of captive_run (a "
+            "file that exumob captive --output wrote)."
+        )
+
+
+@checked
 def captive_summary(dataset: xr.Dataset) -> xr.Dataset:
     """Mean and standard deviation of the loads over the second half of a captive run.
 
@@ -142,6 +154,7 @@ def captive_summary(dataset: xr.Dataset) -> xr.Dataset:
         smoothed ones, that is of what the water does; ``force_noise``, ``moment_noise``: standard deviation of the raw
         loads about the smoothed ones. Dims (body, axis).
     """
+    require_captive(dataset, "captive_summary")
     end = float(dataset["time"][-1]) if dataset.sizes["time"] else 0.0
     later = dataset.sel(time=slice(0.5 * end, None))
     figures = {}

@@ -11,18 +11,23 @@ import math
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, Tread
+from exumob.flow.cost import flow_cost, require_room
+from exumob.flow.grid import CELL_SIZE
 from exumob.flow.resolution import checked_solids
 from exumob.flow.vehicle_window import vehicle_window
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
+from exumob.support.cost import announce, require_memory
+from exumob.support.declared import checked
 from exumob.support.errors import SimulationError, SimulationInterrupted
 from exumob.support.provenance import parameters_json, provenance
+from exumob.support.quantities import DURATION, Quantity
 from exumob.support.smoothing import window_samples
 from exumob.towing_tank.checks import check_motion, whole_multiple
 from exumob.towing_tank.motion import CaptiveMotion, PrescribedMotion
@@ -32,19 +37,26 @@ from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)
 
+INTERVAL = Quantity("s", at_least=1e-7, at_most=1e6)
+"""Interval of the loads"""
+RECORD_SIZE = 6e3
+"""Memory of an interval's record, and of its copies in the result [bytes]."""
+SNAPSHOT_SIZE = 8.0
+"""Memory of a snapshot, per column of cells [bytes]."""
 
-# Many arguments, all but three by name: this is the front door of captive runs, and each is a choice of its own.
-def captive_run(
+
+@checked
+def captive_run(  # the front door of captive runs: each argument is a choice of its own
     vehicle: Vehicle,
     water: Water,
     motion: PrescribedMotion | None = None,
     *,
-    cell_size: float = 0.018,
-    duration: float = 3.0,
-    interval: float = 1.0e-3,
+    cell_size: Annotated[float, CELL_SIZE] = 0.018,
+    duration: Annotated[float, DURATION] = 3.0,
+    interval: Annotated[float, INTERVAL] = 1.0e-3,
     grid: Grid | None = None,
     settings: FlowSettings | None = None,
-    snapshots: float | None = None,
+    snapshots: Annotated[float | None, INTERVAL] = None,
     on_snapshot: Callable[[FlowSolver, Poses], None] | None = None,
     allow_coarse: bool = False,
     progress: Callable[[float], None] | None = None,
@@ -109,12 +121,17 @@ def captive_run(
     settings = FlowSettings() if settings is None else settings
     steps = whole_multiple("duration", duration, "interval", interval)
     every = 0 if snapshots is None else whole_multiple("snapshots", snapshots, "interval", interval)
+    require_memory(
+        f"captive_run: the record of duration = {duration:g} s at interval = {interval:g} s", RECORD_SIZE * steps,
+        "give a shorter duration or a longer interval.",
+    )  # fmt: skip
     if settings.follow != 0:
         raise ValueError(f"captive_run.settings: FlowSettings.follow = {settings.follow}; it must be 0, the hull.")
     steering_range = check_motion(motion, vehicle, water, duration)
     _warn_of_late_ramp(motion, duration)
     if grid is None:
         grid = vehicle_window(vehicle, cell_size, water, terrain, _way(motion, vehicle, water, duration))
+    _check_cost(grid, settings, _fastest(motion, vehicle, water, duration), vehicle.name, (steps, every, interval))
     solids = checked_solids(vehicle, grid, steering_range, allow_coarse, tread)
     solver = FlowSolver(grid, solids, water, settings, terrain)
     parameters: dict[str, Any] = {
@@ -183,6 +200,30 @@ def _warn_of_late_ramp(motion: PrescribedMotion, duration: float) -> None:
             "captive_run: the ramp of %g s reaches into the second half of %g s, over which captive_summary averages; "
             "give a longer duration or a shorter ramp_time.", motion.ramp_time, duration,
         )  # fmt: skip
+
+
+def _check_cost(
+    grid: Grid, settings: FlowSettings, speed: float, name: str, numbers: tuple[int, int, float]
+) -> None:  # fmt: skip
+    """Refuse what cannot fit into memory, and say what a long run takes."""
+    steps, every, interval = numbers
+    require_room("captive_run: the grid", grid)
+    cost = flow_cost(
+        grid.n_cells, grid.smallest_width, speed, steps * interval, interval, settings.courant, settings.threads
+    )
+    surfaces = (1 + steps // every if every else 0) * SNAPSHOT_SIZE * grid.shape[0] * grid.shape[2]
+    require_memory(
+        f"captive_run: {grid.n_cells:,} cells, the record of {steps:,} intervals and snapshots every "
+        f"{every * interval:g} s", cost.memory + RECORD_SIZE * steps + surfaces,
+        "give larger cells, a shorter duration, or snapshots at longer intervals.",
+    )  # fmt: skip
+    announce(f"captive run of {name}, {steps * interval:g} s: {cost}.", cost.seconds)
+
+
+def _fastest(motion: PrescribedMotion, vehicle: Vehicle, water: Water, duration: float) -> float:
+    """Largest speed of the hull through the water [m/s]."""
+    poses = (motion.poses(vehicle, water, float(time)) for time in np.linspace(0.0, duration, 101))
+    return max(float(np.linalg.norm(p.velocity[0] - water.velocity)) for p in poses)
 
 
 def _way(motion: PrescribedMotion, vehicle: Vehicle, water: Water, duration: float) -> Array:

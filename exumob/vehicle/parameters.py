@@ -9,67 +9,81 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from exumob.support.arrays import Array
-from exumob.support.checks import require_finite, require_positive, require_within
+from exumob.support.checks import require_within
+from exumob.support.declared import Declared
+from exumob.support.quantities import ImplausibleValue, Quantity, Unusual
 
+SLOWEST_HEAVE = 0.2
+"""Slowest plausible heave of a hull on its springs [Hz]; cars have 1 to 2, small models 3 to 10."""
 Motion = tuple[float, float, float]
 """A value and its first and second time derivatives."""
 
 
 @dataclass(frozen=True)
-class Hull:
+class Hull(Declared):
     """The sprung body: a box with a raked bow, or any watertight mesh.
 
     The keel is flat from the stern to `bow_length` behind the foremost point, then rises straight to `bow_height`
     above the keel; from there the stem is vertical up to the deck.
     """
 
-    mass: float
-    """[kg]"""
-    length: float
-    """Length over all [m]"""
-    width: float
-    """[m]"""
-    height: float
-    """Keel to deck [m]"""
-    ground_clearance: float
-    """Keel above hard ground [m]"""
-    center_of_mass_height: float
-    """Centre of mass above hard ground [m]"""
-    center_of_mass_x: float = 0.0
-    """Centre of mass ahead of mid wheelbase [m]"""
-    center_x: float = 0.0
-    """Middle of the hull's length ahead of mid wheelbase [m]"""
-    bow_length: float = 0.0
-    """Length over which the keel rises at the bow [m]; 0: a plain box"""
-    bow_height: float = 0.0
-    """Height above the keel where the rake ends [m]"""
-    inertia: tuple[float, float, float] | None = None
-    """(I_xx, I_yy, I_zz) about the centre of mass [kg m^2]; None: a uniform box of this size and mass"""
+    mass: Annotated[float, Quantity("kg", above=0.0, at_most=1e9, plausible=(0.5, 1e5))]
+    """Mass of all that is sprung"""
+    length: Annotated[float, Quantity("m", above=0.0, at_most=1e3, plausible=(0.1, 30.0))]
+    """Length over all"""
+    width: Annotated[float, Quantity("m", above=0.0, at_most=1e3, plausible=(0.04, 10.0))]
+    """Width over all"""
+    height: Annotated[float, Quantity("m", above=0.0, at_most=1e3, plausible=(0.02, 10.0))]
+    """Height from keel to deck"""
+    ground_clearance: Annotated[float, Quantity("m", above=0.0, at_most=1e3, plausible=(2e-3, 3.0))]
+    """Height of the keel above hard ground"""
+    center_of_mass_height: Annotated[float, Quantity("m", above=0.0, at_most=1e3, plausible=(5e-3, 5.0))]
+    """Height of the centre of mass above hard ground"""
+    center_of_mass_x: Annotated[float, Quantity("m", at_least=-1e3, at_most=1e3)] = 0.0
+    """Centre of mass ahead of mid wheelbase; within the hull's length"""
+    center_x: Annotated[float, Quantity("m", at_least=-1e3, at_most=1e3)] = 0.0
+    """Middle of the hull's length ahead of mid wheelbase; less than the length"""
+    bow_length: Annotated[float, Quantity("m", at_least=0.0, at_most=1e3)] = 0.0
+    """Length over which the keel rises at the bow, up to the whole; 0: a plain box"""
+    bow_height: Annotated[float, Quantity("m", at_least=0.0, at_most=1e3)] = 0.0
+    """Height above the keel where the rake ends, up to the deck"""
+    inertia: Annotated[tuple[float, float, float] | None, Quantity("kg m^2", above=0.0, at_most=1e12)] = None
+    """(I_xx, I_yy, I_zz) about the centre of mass; None: a uniform box of this size and mass"""
     mesh: Path | None = None
     """Watertight surface (STL, OBJ ...) in the design frame [m] that replaces the box for the water; needs trimesh"""
 
-    def __post_init__(self) -> None:
-        require_positive(
-            "Hull", mass=self.mass, length=self.length, width=self.width, height=self.height,
-            ground_clearance=self.ground_clearance, center_of_mass_height=self.center_of_mass_height,
-        )  # fmt: skip
+    def _check(self) -> None:
         require_within(
-            "Hull", -self.length, self.length, center_of_mass_x=self.center_of_mass_x, center_x=self.center_x
-        )
-        require_within("Hull", 0.0, self.length, bow_length=self.bow_length)
-        require_within("Hull", 0.0, self.height, bow_height=self.bow_height)
+            "Hull", -self.length, self.length, "give a place within Hull.length.",
+            center_of_mass_x=self.center_of_mass_x, center_x=self.center_x,
+        )  # fmt: skip
+        require_within("Hull", 0.0, self.length, "give a part of Hull.length.", bow_length=self.bow_length)
+        require_within("Hull", 0.0, self.height, "give a part of Hull.height.", bow_height=self.bow_height)
+        density = self.mass / (self.length * self.width * self.height)
+        if not 5.0 <= density <= 5000.0 and not isinstance(self.mass, Unusual):
+            raise ImplausibleValue(
+                f"Hull.mass = {self.mass:g} kg in a box of {self.length:g} x {self.width:g} x {self.height:g} m is "
+                f"{density:.3g} kg/m^3 (plausible: 5 to 5000); give kilograms and metres. If it is meant: "
+                f"mass=unusual({self.mass:g})."
+            )
         if self.inertia is not None:
-            i_xx, i_yy, i_zz = self.inertia
-            require_positive("Hull", inertia_xx=i_xx, inertia_yy=i_yy, inertia_zz=i_zz)
             if 2.0 * max(self.inertia) > sum(self.inertia):
                 raise ValueError(
                     f"Hull.inertia = {self.inertia} breaks the triangle inequality I_a <= I_b + I_c; "
                     "no rigid body has it. Check the three values about the centre of mass."
+                )
+            widest = 2.0 * math.sqrt(max(self.inertia) / self.mass)
+            largest = math.hypot(self.length, self.width, self.height)
+            if not 0.05 * largest <= widest <= 3.0 * largest and not isinstance(max(self.inertia), Unusual):
+                raise ImplausibleValue(
+                    f"Hull.inertia = {self.inertia} kg m^2 means that the mass lies {0.5 * widest:.3g} m from its "
+                    f"centre, in a hull of {largest:.3g} m; give kg m^2 about the centre of mass, or unusual(...) for "
+                    "the largest."
                 )
 
     @property
@@ -95,26 +109,32 @@ class Hull:
 
 
 @dataclass(frozen=True)
-class Wheel:
+class Wheel(Declared):
     """A rigid tyre and rim; all four wheels are alike."""
 
-    mass: float
-    """[kg]"""
-    diameter: float
-    """[m]"""
-    width: float
-    """[m]"""
-    inertia: tuple[float, float] | None = None
-    """(spin, transverse) about the centre [kg m^2]; None: a uniform solid cylinder"""
+    mass: Annotated[float, Quantity("kg", above=0.0, at_most=1e6, plausible=(0.01, 3e3))]
+    """Mass of tyre and rim"""
+    diameter: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(0.02, 5.0))]
+    """Outer diameter of the tyre"""
+    width: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(5e-3, 3.0))]
+    """Width of the tyre"""
+    inertia: Annotated[tuple[float, float] | None, Quantity("kg m^2", above=0.0, at_most=1e9)] = None
+    """(spin, transverse) about the centre; None: a uniform solid cylinder"""
 
-    def __post_init__(self) -> None:
-        require_positive("Wheel", mass=self.mass, diameter=self.diameter, width=self.width)
+    def _check(self) -> None:
         if self.inertia is not None:
-            require_positive("Wheel", inertia_spin=self.inertia[0], inertia_transverse=self.inertia[1])
-            if self.inertia[0] > 2.0 * self.inertia[1]:
+            spin, transverse = self.inertia
+            if spin > 2.0 * transverse:
                 raise ValueError(
                     f"Wheel.inertia = {self.inertia}: the spin inertia must not exceed twice the transverse one; no "
                     "rigid body has that. Give (spin, transverse) about the centre."
+                )
+            largest = self.mass * self.radius**2  # all of the mass at the tread
+            if not 0.05 * largest <= spin <= 1.0001 * largest and not isinstance(spin, Unusual):
+                raise ImplausibleValue(
+                    f"Wheel.inertia = {self.inertia}: a wheel of {self.mass:g} kg and {self.diameter:g} m has a spin "
+                    f"inertia of {0.5 * largest:.3g} (solid) to {largest:.3g} kg m^2 (a hoop); give kg m^2, or "
+                    f"unusual({spin:g})."
                 )
 
     @property
@@ -134,68 +154,56 @@ class Wheel:
 
 
 @dataclass(frozen=True)
-class Wishbones:
+class Wishbones(Declared):
     """Front view of a double wishbone: two parallel-axis A-arms, each as two rigid rods (fore and aft)."""
 
-    upper_length: float
-    """Upper arm, hull pivot to ball joint [m]"""
-    lower_length: float
-    """Lower arm [m]"""
-    ball_joint_inset: float
-    """Ball joints inboard of the wheel centre [m]"""
-    upper_height: float
-    """Upper ball joint above the wheel centre [m]"""
-    lower_height: float
-    """Lower ball joint below the wheel centre [m]"""
-    pivot_spread: float
-    """Distance of the two hull pivots of an arm along x [m]"""
-    upper_pivot_drop: float = 0.0
-    """Hull pivot of the upper arm below its ball joint at ride height [m]: camber gain"""
+    upper_length: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(5e-3, 3.0))]
+    """Upper arm, hull pivot to ball joint"""
+    lower_length: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(5e-3, 3.0))]
+    """Lower arm, hull pivot to ball joint"""
+    ball_joint_inset: Annotated[float, Quantity("m", at_least=-100.0, at_most=100.0)]
+    """Ball joints inboard of the wheel centre"""
+    upper_height: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(2e-3, 3.0))]
+    """Upper ball joint above the wheel centre"""
+    lower_height: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(2e-3, 3.0))]
+    """Lower ball joint below the wheel centre"""
+    pivot_spread: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(2e-3, 3.0))]
+    """Distance of the two hull pivots of an arm along x"""
+    upper_pivot_drop: Annotated[float, Quantity("m", at_least=-100.0, at_most=100.0)] = 0.0
+    """Hull pivot of the upper arm below its ball joint at ride height: camber gain"""
 
-    def __post_init__(self) -> None:
-        require_positive(
-            "Wishbones", upper_length=self.upper_length, lower_length=self.lower_length,
-            upper_height=self.upper_height, lower_height=self.lower_height, pivot_spread=self.pivot_spread,
-        )  # fmt: skip
-        require_finite("Wishbones", ball_joint_inset=self.ball_joint_inset)
+    def _check(self) -> None:
         steepest = 0.9 * self.upper_length
         hint = "use a longer arm or a smaller drop."
         require_within("Wishbones", -steepest, steepest, hint, upper_pivot_drop=self.upper_pivot_drop)
 
 
 @dataclass(frozen=True)
-class Suspension:
+class Suspension(Declared):
     """Independent suspension of one wheel, rates as felt at the wheel along the hull's z axis.
 
     Without `wishbones` the upright slides on a pillar along the hull's z axis. The spring carries the static load of
     the hull at ride height, so stiffness can be edited without changing the ride height.
     """
 
-    stiffness: float
-    """Rate of the spring [N/m]"""
-    damping: float
-    """Rate of the damper [N s/m]"""
-    upright_mass: float
-    """[kg]"""
-    upright_size: float
-    """Edge of the cube whose inertia the upright has [m]"""
-    bump_travel: float
-    """Travel from ride height to the bump stop [m]"""
-    rebound_travel: float
-    """Travel from ride height to the rebound stop [m]"""
-    stop_stiffness: float
-    """Stiffness of either stop [N/m]"""
-    stop_softening: float = 2.0e-3
-    """Compression over which a stop's stiffness builds up [m]"""
+    stiffness: Annotated[float, Quantity("N/m", above=0.0, at_most=1e12, plausible=(5.0, 1e8))]
+    """Rate of the spring"""
+    damping: Annotated[float, Quantity("N s/m", at_least=0.0, at_most=1e7, plausible=(0.05, 1e6))]
+    """Rate of the damper"""
+    upright_mass: Annotated[float, Quantity("kg", above=0.0, at_most=1e6, plausible=(2e-3, 2e3))]
+    """Mass of the upright, which steers and does not spin"""
+    upright_size: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(2e-3, 3.0))]
+    """Edge of the cube whose inertia the upright has"""
+    bump_travel: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(5e-4, 1.0))]
+    """Travel from ride height to the bump stop"""
+    rebound_travel: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(5e-4, 1.0))]
+    """Travel from ride height to the rebound stop"""
+    stop_stiffness: Annotated[float, Quantity("N/m", above=0.0, at_most=1e12, plausible=(5.0, 1e9))]
+    """Stiffness of either stop"""
+    stop_softening: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(1e-5, 0.5))] = 2.0e-3
+    """Compression over which a stop's stiffness builds up"""
     wishbones: Wishbones | None = None
-
-    def __post_init__(self) -> None:
-        require_positive(
-            "Suspension", stiffness=self.stiffness, upright_mass=self.upright_mass, upright_size=self.upright_size,
-            bump_travel=self.bump_travel, rebound_travel=self.rebound_travel, stop_stiffness=self.stop_stiffness,
-            stop_softening=self.stop_softening,
-        )  # fmt: skip
-        require_within("Suspension", 0.0, 1.0e7, damping=self.damping)
+    """Linkage of the upright; None: it slides on a pillar"""
 
     @property
     def upright_inertia_tensor(self) -> Array:
@@ -204,44 +212,57 @@ class Suspension:
 
 
 @dataclass(frozen=True)
-class Steering:
+class Steering(Declared):
     """Front-wheel steering; the commanded angle is that of the middle of the front axle."""
 
     geometry: Literal["parallel", "ackermann"] = "parallel"
     """parallel: both wheels turn by the command (the paper); ackermann: both axes meet on the rear axle's line"""
-    limit: float = math.radians(35.0)
-    """Largest commanded angle [rad]"""
-
-    def __post_init__(self) -> None:
-        if self.geometry not in ("parallel", "ackermann"):
-            raise ValueError(f"Steering.geometry = {self.geometry!r} is not known; use 'parallel' or 'ackermann'.")
-        require_within("Steering", 0.0, math.radians(80.0), limit=self.limit)
+    limit: Annotated[float, Quantity("rad", at_least=0.0, at_most=math.radians(80.0))] = math.radians(35.0)
+    """Largest commanded angle"""
 
 
 @dataclass(frozen=True)
-class Vehicle:
+class Vehicle(Declared):
     """A four-wheeled vehicle with front steering and prescribed wheel speeds."""
 
     name: str
+    """Name in messages and results"""
     hull: Hull
+    """The sprung body"""
     wheel: Wheel
+    """Each of the four wheels"""
     suspension: Suspension
     """Suspension of the front wheels, and of the rear ones unless `rear_suspension` is given"""
-    wheelbase: float
-    """Distance between the axles [m]"""
-    track: float
-    """Distance between the middles of the left and the right tyre [m]"""
+    wheelbase: Annotated[float, Quantity("m", above=0.0, at_most=1e3, plausible=(0.05, 20.0))]
+    """Distance between the axles"""
+    track: Annotated[float, Quantity("m", above=0.0, at_most=1e3, plausible=(0.04, 10.0))]
+    """Distance between the middles of the left and the right tyre"""
     steering: Steering = Steering()
+    """Steering of the front wheels"""
     rear_suspension: Suspension | None = None
+    """Suspension of the rear wheels; None: as in front"""
 
-    def __post_init__(self) -> None:
-        require_positive("Vehicle", wheelbase=self.wheelbase, track=self.track)
+    def _check(self) -> None:
         gap = 0.5 * (self.track - self.wheel.width - self.hull.width)
         if gap < 0.0 and self.hull.ground_clearance < self.wheel.diameter:
             raise ValueError(
                 f"Vehicle.track = {self.track} m puts the tyres {-gap:.3f} m inside the hull; it must be at least "
                 f"hull.width + wheel.width = {self.hull.width + self.wheel.width:.3f} m."
             )
+        if self.wheelbase <= self.wheel.diameter or self.track <= self.wheel.width:
+            raise ValueError(
+                f"Vehicle.wheelbase = {self.wheelbase:g} m and track = {self.track:g} m must be larger than the tyre's "
+                f"diameter ({self.wheel.diameter:g} m) and width ({self.wheel.width:g} m): its wheels would overlap. "
+                "Move the axles apart or give smaller wheels."
+            )
+        for suspension in self.axle_suspensions:
+            frequency = math.sqrt(4.0 * suspension.stiffness / self.hull.mass) / (2.0 * math.pi)
+            if frequency < SLOWEST_HEAVE and not isinstance(suspension.stiffness, Unusual):
+                raise ImplausibleValue(
+                    f"Suspension.stiffness = {suspension.stiffness:g} N/m lets {self.hull.mass:g} kg heave at "
+                    f"{frequency:.2g} Hz; is it in N/mm? Then give {1e3 * suspension.stiffness:g} N/m. If it is meant: "
+                    f"stiffness=unusual({suspension.stiffness:g})."
+                )
         front = self.front_load_share
         if not 0.05 <= front <= 0.95:
             raise ValueError(

@@ -14,6 +14,7 @@ import numba
 import numpy as np
 
 from exumob.flow import Grid
+from exumob.flow.settings import SurfaceTransport
 from exumob.support.constants import GRAVITY
 from exumob.verification.check import Case, Check, absolute, at_least, relative, reported
 from exumob.verification.initial import TANK, centers, hump, started
@@ -55,7 +56,12 @@ class Sloshing(NamedTuple):
 
 
 def slosh(
-    level: float, cell: float, dt: float, amplitude: float = 0.004, periods: float = 2.0, surface: str = "thinc"
+    level: float,
+    cell: float,
+    dt: float,
+    amplitude: float = 0.004,
+    periods: float = 2.0,
+    surface: SurfaceTransport = "thinc",
 ) -> Sloshing:
     """First mode of a basin 1 m long from rest (Lamb, Hydrodynamics, art. 228: omega^2 = g k tanh k h)."""
     grid = Grid.uniform((0, 0, 0), (1.0, 4 * cell, max(0.3, 1.2 * level)), cell)
@@ -77,7 +83,7 @@ def slosh(
     return Sloshing(period, theory, kept, error, solver.water_volume() / volume - 1.0, least, most)
 
 
-def sloshing(surface: str = "thinc", name: str = "sloshing") -> list[Check]:
+def sloshing(surface: SurfaceTransport = "thinc", name: str = "sloshing") -> list[Check]:
     """Depth about 0.15 of the length, amplitude 0.4 % of it; four places of the level within a cell."""
     checks, runs = [], {}
     for level in (0.150, 0.155, 0.160, 0.165):

@@ -12,14 +12,16 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
 
 from exumob.support.arrays import Array
-from exumob.support.checks import require_positive, require_within
+from exumob.support.checks import require_positive
+from exumob.support.declared import Declared, checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficient_kernels import (
@@ -36,10 +38,12 @@ from exumob.water.hydrostatics import WET_INTEGRALS, clipping_space, wet_integra
 from exumob.water.wetted_surface import Surface, body_surfaces
 
 Table = tuple[tuple[float, float], ...]
+COEFFICIENT = Quantity("1", at_least=0.0, at_most=100.0, remedy="coefficients refer to the wetted area; give a number.")
+"""Drag or added-mass coefficient, or the ratio that it belongs to"""
 
 
 @dataclass(frozen=True)
-class Coefficients:
+class Coefficients(Declared):
     """Published drag and added-mass coefficients, each of a simple shape that is like the body [-].
 
     A table is pairs of a ratio and a coefficient, linear in between and constant beyond its ends. Drag coefficients
@@ -51,53 +55,49 @@ class Coefficients:
         If a coefficient is negative or a table's ratios do not increase.
     """
 
-    hull_surge_drag: float = 0.81
+    hull_surge_drag: Annotated[float, COEFFICIENT] = 0.81
     """Blunt cylinder along the flow, length/diameter > 2: Hoerner, Fluid-Dynamic Drag (1965), Ch. 3 (blunt nose)"""
-    hull_sway_drag: Table = (
+    hull_sway_drag: Annotated[Table, COEFFICIENT] = (
         (0.1, 1.9), (0.5, 2.5), (0.65, 2.9), (1.0, 2.2), (2.0, 1.6), (3.0, 1.3), (6.0, 0.9),
     )  # fmt: skip
     """Rectangular section, by length along / height across the flow (here beam / twice the draught), Re 1e5: Munson et
     al., Fundamentals of Fluid Mechanics (6th ed.), Fig. 9.19; ratio 6: White, Fluid Mechanics, Table 7.2"""
-    hull_heave_drag: float = 1.17
+    hull_heave_drag: Annotated[float, COEFFICIENT] = 1.17
     """Square plate across the flow: Hoerner (1965), Ch. 3 (DNV-RP-H103, Table B-2: 1.16, and 1.20 at length/width 5);
     a hull whose bottom alone is wet feels half of it"""
-    wheel_plane_drag: float = 0.58
+    wheel_plane_drag: Annotated[float, COEFFICIENT] = 0.58
     """Open rotating wheel, width/diameter 0.28, on its frontal area: Matthews, Aeronautical Engineer's Data Book,
     Fig. 5.13 (a cylinder of length = diameter across the flow: 0.63, same table)"""
-    wheel_axial_drag: float = 1.1
+    wheel_axial_drag: Annotated[float, COEFFICIENT] = 1.1
     """Circular cylinder along the flow, length/diameter 0.5: Munson et al., Fig. 9.20 (a thin disk: 1.17)"""
-    section_added_mass: Table = (
+    section_added_mass: Annotated[Table, COEFFICIENT] = (
         (0.0, 1.00), (0.1, 1.14), (0.2, 1.21), (0.5, 1.36), (1.0, 1.51), (2.0, 1.70), (5.0, 1.98), (10.0, 2.23),
     )  # fmt: skip
     """Rectangular section 2a across by 2b along the motion, by b/a; times density pi a^2: DNV-RP-C205 (2010), App. D,
     Table D-1 (a panel method gives the same to 0.01)"""
-    plate_added_mass: Table = (
+    plate_added_mass: Annotated[Table, COEFFICIENT] = (
         (1.0, 0.579), (1.25, 0.642), (1.5, 0.690), (2.0, 0.757), (2.5, 0.801), (3.0, 0.830), (4.0, 0.872), (5.0, 0.897),
         (6.25, 0.917), (8.0, 0.934), (10.0, 0.947),
     )  # fmt: skip
     """Rectangular plate across the motion, by length/width; the share of its strips' added mass that is left by the
     flow round the ends: DNV-RP-C205 (2010), App. D, Table D-2. Used in heave"""
-    hull_roll_gyration: float = math.sqrt(1.0 / 8.0)
+    hull_roll_gyration: Annotated[float, COEFFICIENT] = math.sqrt(1.0 / 8.0)
     """Radius of gyration of a section's heave added mass in roll, over half the beam: a plate rolling about its middle,
     density pi a^4 / 8, and heaving, density pi a^2 (DNV-RP-C205, Table D-1; Newman, Marine Hydrodynamics, 1977)"""
-    wheel_added_mass: tuple[float, float] | None = None
+    wheel_added_mass: Annotated[tuple[float, float] | None, COEFFICIENT] = None
     """(In the wheel's plane, along its axle) over the displaced mass; None: the spheroid with the wheel's ratio of
     width to diameter, Lamb, Hydrodynamics (1932), Art. 114 and 373"""
-    entry_draught: float = 0.010
-    """Draught over which drag and added mass of a body build up from zero [m], chosen by us: otherwise they would jump
+    entry_draught: Annotated[float, Quantity("m", above=0.0, at_most=10.0, plausible=(1e-4, 1.0))] = 0.010
+    """Draught over which drag and added mass of a body build up from zero, chosen by us: otherwise they would jump
     when a level flat bottom touches the water. The slam itself is not modelled"""
 
-    def __post_init__(self) -> None:
-        require_positive("Coefficients", entry_draught=self.entry_draught)
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name in ("hull_sway_drag", "section_added_mass", "plate_added_mass"):
-                _check_table(field.name, value)
-            elif field.name == "wheel_added_mass":
-                for part in value or ():
-                    _check_coefficient(field.name, part)
-            else:
-                _check_coefficient(field.name, value)
+    def _check(self) -> None:
+        for name in ("hull_sway_drag", "section_added_mass", "plate_added_mass"):
+            ratios = [ratio for ratio, _ in getattr(self, name)]
+            if len(ratios) < 2 or any(later <= earlier for earlier, later in itertools.pairwise(ratios)):
+                raise ValueError(
+                    f"Coefficients.{name}: the ratios {ratios} must be two or more and increase; sort the pairs."
+                )
 
 
 class CoefficientHydrodynamics:
@@ -123,10 +123,11 @@ class CoefficientHydrodynamics:
         False leaves out the added mass.
     """
 
+    @checked
     def __init__(
         self, coefficients: Coefficients | None = None, *, pore_pressure: bool = True, added_mass: bool = True
     ) -> None:
-        self.coefficients = coefficients or Coefficients()
+        self.coefficients = Coefficients() if coefficients is None else coefficients
         self.pore_pressure = pore_pressure
         self.added_mass = added_mass
         self.parameters = {
@@ -279,20 +280,6 @@ def spheroid_added_mass(aspect: float) -> tuple[float, float]:
 def _contiguous_copy(values: Array) -> Array:
     """Return a writable copy in C order: one memory layout, so that the kernel is compiled once."""
     return np.array(values, dtype=float, order="C")
-
-
-def _check_table(name: str, table: Table) -> None:
-    """Raise unless the ratios increase and the coefficients are not negative."""
-    ratios = [ratio for ratio, _ in table]
-    if len(table) < 2 or any(later <= earlier for earlier, later in itertools.pairwise(ratios)):
-        raise ValueError(f"Coefficients.{name}: the ratios {ratios} must be two or more and increase; sort the pairs.")
-    for _, value in table:
-        _check_coefficient(name, value)
-
-
-def _check_coefficient(name: str, value: float) -> None:
-    """Raise unless a coefficient is a number from 0 to 100."""
-    require_within("Coefficients", 0.0, 100.0, "coefficients refer to the wetted area [-].", **{name: value})
 
 
 def _columns(table: Table) -> Array:

@@ -7,27 +7,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from exumob.support.arrays import Array
-from exumob.support.checks import require_finite, require_positive, require_within
+from exumob.support.declared import Declared, checked
+from exumob.support.quantities import CURRENT_SPEED, DEPTH, DEPTH_RATIO, DIRECTION, Quantity
 
 
 @dataclass(frozen=True)
-class Water:
+class Water(Declared):
     """A body of water of uniform depth with a uniform current.
-
-    Parameters
-    ----------
-    depth : float
-        Still-water depth above z = 0 [m], > 0: the still level is z = depth, wherever a given bed lies.
-    current_speed : float
-        Speed of the undisturbed flow over ground [m/s], >= 0.
-    current_direction : float
-        Where the flow goes, counter-clockwise from world x [rad]; default pi: a head current (towards -x).
-    density : float
-        [kg/m^3]; 1000 is fresh water.
 
     Raises
     ------
@@ -35,23 +26,23 @@ class Water:
         If a value is not finite, the depth or density is not positive, or the speed is negative.
     """
 
-    depth: float
-    current_speed: float = 0.0
-    current_direction: float = math.pi
-    density: float = 1000.0
-
-    def __post_init__(self) -> None:
-        require_positive("Water", depth=self.depth, density=self.density)
-        require_within("Water", 0.0, 20.0, "turn the flow with current_direction.", current_speed=self.current_speed)
-        require_finite("Water", current_direction=self.current_direction)
+    depth: Annotated[float, DEPTH]
+    """Still-water depth above z = 0: the still level is z = depth, wherever a given bed lies"""
+    current_speed: Annotated[float, CURRENT_SPEED] = 0.0
+    """Speed of the undisturbed flow over ground"""
+    current_direction: Annotated[float, DIRECTION] = math.pi
+    """Where the flow goes, counter-clockwise from world x; pi: a head current (towards -x)"""
+    density: Annotated[float, Quantity("kg/m^3", above=0.0, plausible=(700.0, 1500.0))] = 1000.0
+    """1000 is fresh water, 1025 sea water"""
 
     @classmethod
+    @checked
     def at_ratio(
         cls,
-        depth_ratio: float,
+        depth_ratio: Annotated[float, DEPTH_RATIO],
         current_speed: float = 0.0,
         *,
-        tyre_diameter: float = 0.200,
+        tyre_diameter: Annotated[float, Quantity("m", above=0.0, plausible=(0.02, 5.0))] = 0.200,
         current_direction: float = math.pi,
         density: float = 1000.0,
     ) -> Water:
@@ -66,7 +57,6 @@ class Water:
         tyre_diameter : float
             [m]; default 0.200, the tyre of ``vehicle_models/amphibious.py``.
         """
-        require_positive("Water", depth_ratio=depth_ratio, tyre_diameter=tyre_diameter)
         return cls(depth_ratio * tyre_diameter, current_speed, current_direction, density)
 
     @property

@@ -2,12 +2,34 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import numpy as np
 
 from exumob.support.arrays import Array
 from exumob.vehicle.parameters import Hull
+
+
+def mesh_digest(hull: Hull) -> str:
+    """Return the SHA-256 digest of the contents of a hull's mesh file; an empty text for a hull without one.
+
+    It belongs to the identity of whatever is computed with the hull: the path alone does not say what the file holds.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the file does not exist.
+    """
+    if hull.mesh is None:
+        return ""
+    return hashlib.sha256(_existing(hull.mesh).read_bytes()).hexdigest()
+
+
+def _existing(file: str | Path) -> Path:
+    if not Path(file).is_file():
+        raise FileNotFoundError(f"Hull.mesh = {file} does not exist; give the path of an STL or OBJ file.")
+    return Path(file)
 
 
 def mesh_triangles(file: Path) -> Array:
@@ -29,9 +51,7 @@ def mesh_triangles(file: Path) -> Array:
             f"Hull.mesh = {file} needs the package trimesh; install it with `pip install 'exumob[mesh]'`, "
             "or leave mesh out to use the box hull."
         ) from error
-    if not Path(file).is_file():
-        raise FileNotFoundError(f"Hull.mesh = {file} does not exist; give the path of an STL or OBJ file.")
-    mesh = trimesh.load_mesh(str(file))
+    mesh = trimesh.load_mesh(str(_existing(file)))
     if not mesh.is_watertight:
         raise ValueError(f"Hull.mesh = {file} is not watertight: close its holes, or the buoyancy has no meaning.")
     if not mesh.is_winding_consistent or mesh.volume <= 0.0:

@@ -120,7 +120,7 @@ def test_driver_steers_and_spins():
     ("values", "message"),
     [
         ({"speed": math.nan}, r"CaptiveMotion\.speed"),
-        ({"ramp_time": 0.0}, r"CaptiveMotion\.ramp_time = 0\.0 must be > 0"),
+        ({"ramp_time": 0.0}, r"CaptiveMotion\.ramp_time = 0\.0 s must be >= 0\.001"),
         ({"drift_angle": 10.0}, r"CaptiveMotion\.drift_angle = 10\.0.*radians"),
         ({"driver": lane_change(), "wheel_speed": 1.0}, "driver steers and spins"),
     ],
@@ -189,7 +189,7 @@ def test_mesh_with_a_hole(tmp_path):
         ({"duration": -1.0}, r"captive_run\.duration"),
         ({"snapshots": 0.007}, r"snapshots = 0\.007 s must be a whole multiple"),
         ({"settings": FlowSettings(follow=None)}, r"follow = None; it must be 0"),
-        ({"grid": None, "cell_size": 0.0}, r"cell_size = 0\.0 must be > 0"),
+        ({"grid": None, "cell_size": 0.0}, r"captive_run\.cell_size = 0\.0 m must be > 0"),
         ({"motion": CaptiveMotion(steering=1.0), "duration": 2.0}, r"57\.3 deg, beyond the 35\.0 deg"),
         ({"allow_coarse": False}, "needs 4"),
     ],

@@ -58,5 +58,5 @@ def test_full_and_empty_cells_and_no_flow():
 
 
 def test_unknown_surface_is_refused():
-    with pytest.raises(ValueError, match=r"FlowSettings\.surface = 'mule'; take one of thinc, plic"):
+    with pytest.raises(ValueError, match=r"FlowSettings\.surface = 'mule' is not known; use 'thinc' or 'plic'"):
         FlowSettings(surface="mule")

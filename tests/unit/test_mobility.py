@@ -10,6 +10,7 @@ import xarray as xr
 from exumob.mobility.crossing import FAILURES, Crossing, Limits, judge
 from exumob.mobility.map import Axis, MobilityMap
 from exumob.support.errors import SimulationError
+from exumob.support.quantities import unusual
 from exumob.sweeps.experiment import amphibious_crossing
 from exumob.sweeps.sampling import Normal
 
@@ -78,7 +79,7 @@ def test_a_run_with_water_is_judged():
 @pytest.mark.parametrize(
     ("values", "failure"),
     [
-        ({"soil.k_phi": 4e3, "soil.k_c": 0.0, "water.depth_ratio": 0.3}, "sunk"),
+        ({"soil.k_phi": unusual(4e3), "soil.k_c": 0.0, "water.depth_ratio": 0.3}, "sunk"),
         ({"water.depth": 0.5}, "afloat"),
     ],
 )

@@ -13,6 +13,7 @@ from exumob.ground.soil import Soil
 from exumob.simulation.run import simulate
 from exumob.simulation.settings import SETTINGS
 from exumob.support.errors import SimulationError, SimulationInterrupted
+from exumob.support.quantities import unusual
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import NoWater
@@ -262,7 +263,7 @@ def test_a_wheel_that_sinks_ends_the_run(vehicle, sand):
 
 def test_soil_that_does_not_carry_the_vehicle(vehicle, sand):
     """It sinks while the equilibrium is sought: said as such, with vehicle and remedy."""
-    mud = replace(sand, k_c=10.0, k_phi=1000.0)
+    mud = replace(sand, k_c=10.0, k_phi=unusual(1000.0))
     with pytest.raises(SimulationError, match=r"amphibious: .*sunk.*firmer soil"):
         simulate(vehicle, mud, **STEPS)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import vehicle_models.amphibious
+from exumob.support.quantities import ImplausibleValue
 from exumob.vehicle.parameters import Steering, Vehicle, Wishbones, box_inertia
 from exumob.vehicle.vehicle_file import load_vehicle
 from vehicle_models.amphibious import amphibious_vehicle
@@ -213,6 +214,17 @@ def test_center_of_mass_must_lie_between_the_axles():
 def test_numpy_numbers_are_numbers(number):
     """A sweep over np.arange or a value read from a netCDF file is no error."""
     assert replace(AMPHIBIOUS.wheel, mass=number).mass == 1.0
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    (lambda v: replace(v, suspension=replace(v.suspension, stiffness=8.0)), r"N/mm\? Then give 8000 N/m"),
+    (lambda v: replace(v.hull, mass=49e3), r"kg/m\^3"),
+    (lambda v: replace(v.hull, inertia=(1.0, 1e3, 1e3)), r"m from its centre, in a hull of"),
+    (lambda v: replace(v.wheel, inertia=(75.0, 40.0)), r"solid.*hoop"),
+])  # fmt: skip
+def test_values_that_do_not_fit_each_other_are_refused_with_what_they_mean(change, message):
+    with pytest.raises(ImplausibleValue, match=message):
+        change(AMPHIBIOUS)
 
 
 def test_unknown_field_is_rejected_by_name():

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -23,8 +24,15 @@ from exumob.flow.output.render import Camera, lit, normals_of, render
 from exumob.flow.output.snapshots import SNAPSHOT_VARIABLES
 from exumob.flow.output.vehicle_surface import SEGMENTS, body_triangles, placed, stored_vehicle
 from exumob.support.arrays import Array
+from exumob.support.cost import require_frames
+from exumob.support.declared import checked
 from exumob.support.figures import STYLE
+from exumob.support.quantities import Quantity
 
+RANGE = Quantity("mm", above=0.0, at_most=1e6)
+"""Elevation at the ends of a colour scale"""
+FRAME_RATE = Quantity("1/s", at_least=0.01, at_most=1000.0)
+"""Frames of an animation a second"""
 COLORS = "RdBu_r"
 HULL_COLOR = (0.95, 0.72, 0.25)
 WHEEL_COLORS = (0.22, 0.22, 0.24), (0.34, 0.34, 0.37)
@@ -49,11 +57,16 @@ class SurfaceView:
         Width and height of the picture [pixels].
     """
 
+    @checked
     def __init__(
-        self, dataset: xr.Dataset, range_mm: float | None = None, azimuth: float = math.radians(38.0),
-        height: float = math.radians(33.0), extent: tuple[float, float, float] = (1.2, 1.6, 1.0),
-        size: tuple[int, int] = (810, 540),
-    ) -> None:  # fmt: skip
+        self,
+        dataset: xr.Dataset,
+        range_mm: Annotated[float | None, RANGE] = None,
+        azimuth: Annotated[float, Quantity("rad", at_least=-2.0 * math.pi, at_most=2.0 * math.pi)] = math.radians(38.0),
+        height: Annotated[float, Quantity("rad", at_least=0.02, at_most=1.55)] = math.radians(33.0),
+        extent: Annotated[tuple[float, float, float], Quantity("1", above=0.0, at_most=100.0)] = (1.2, 1.6, 1.0),
+        size: Annotated[tuple[int, int], Quantity("1", at_least=16, at_most=10_000)] = (810, 540),
+    ) -> None:
         """Prepare; see the class."""
         dataset = _with_snapshots(dataset)
         self.vehicle = stored_vehicle(dataset)
@@ -61,6 +74,11 @@ class SurfaceView:
         length = self.vehicle.hull.length
         ahead, behind, aside = (part * length for part in extent)
         self.data = dataset.sel(x=slice(-behind, ahead), y=slice(-aside, aside))
+        if min(self.data.sizes["x"], self.data.sizes["y"]) < 3:
+            raise ValueError(
+                f"SurfaceView.extent = {extent} hull lengths holds {self.data.sizes['x']} by {self.data.sizes['y']} "
+                "cells; show more of the water."
+            )
         self.depth = water_depth(dataset)
         self.scale = Normalize(*_limits(self.data["elevation"].values, range_mm))
         x, y = self.data["x"].values[[0, -1]], self.data["y"].values[[0, -1]]
@@ -163,11 +181,11 @@ def _limits(elevation: Array, range_mm: float | None) -> tuple[float, float]:
 def _with_snapshots(dataset: xr.Dataset) -> xr.Dataset:
     """A run with the snapshots' variables under the names that captive runs give them."""
     names = {f"hydrodynamics_{name}": name for name in SNAPSHOT_VARIABLES}
-    dataset = dataset.rename({name: short for name, short in names.items() if name in dataset})
+    dataset = dataset.rename({name: short for name, short in names.items() if name in dataset and short not in dataset})
     if "elevation" not in dataset:
         raise ValueError(
-            "the run holds no snapshots of the free surface; run captive_run with snapshots=0.05, or a coupled run "
-            "with BuiltInFlow(snapshots=0.05), say."
+            "the dataset holds no snapshots of the free surface; give the result of captive_run with snapshots=0.05, "
+            "or of a run with the flow in the loop and BuiltInFlow(snapshots=0.05), say."
         )
     return dataset
 
@@ -183,8 +201,12 @@ def plot_surface(axes: Axes, view: SurfaceView, index: int) -> list[Artist]:
     return [axes.imshow(view.image(index), interpolation="lanczos")]
 
 
+@checked
 def plot_surfaces(
-    figure: Figure | SubFigure, dataset: xr.Dataset, times: Sequence[float] | None = None, columns: int = 2
+    figure: Figure | SubFigure,
+    dataset: xr.Dataset,
+    times: Sequence[float] | None = None,
+    columns: Annotated[int, Quantity("1", at_least=1, at_most=20)] = 2,
 ) -> list[Axes]:
     """Draw the free surface at several instants, coloured by elevation, with one colour bar (as paper Fig. 9).
 
@@ -214,7 +236,10 @@ def plot_surfaces(
     return list(panels.flat)
 
 
-def plot_surface_map(axes: Axes, dataset: xr.Dataset, index: int = -1, range_mm: float | None = None) -> list[Artist]:
+@checked
+def plot_surface_map(
+    axes: Axes, dataset: xr.Dataset, index: int = -1, range_mm: Annotated[float | None, RANGE] = None
+) -> list[Artist]:
     """Draw the free surface from above in the vehicle's frame; cells that a solid pierces are left blank."""
     dataset = _with_snapshots(dataset)
     elevation = 1e3 * dataset["elevation"].values[index]
@@ -229,7 +254,10 @@ def plot_surface_map(axes: Axes, dataset: xr.Dataset, index: int = -1, range_mm:
     return [mesh]
 
 
-def animate_surface(dataset: xr.Dataset, file: str | Path, frames_per_second: float | None = None) -> None:
+@checked
+def animate_surface(
+    dataset: xr.Dataset, file: Path, frames_per_second: Annotated[float | None, FRAME_RATE] = None
+) -> None:
     """Write a GIF or MP4 of the free surface with the vehicle in it.
 
     Parameters
@@ -244,15 +272,17 @@ def animate_surface(dataset: xr.Dataset, file: str | Path, frames_per_second: fl
     Raises
     ------
     ValueError
-        If there are no snapshots, the ending is neither .gif nor .mp4, or ffmpeg is missing for .mp4.
+        If there are no snapshots, the ending is neither .gif nor .mp4, or ffmpeg is missing for .mp4, or the frames
+        cannot fit into memory.
     """
-    path = Path(file)
+    path = file
     if path.suffix not in (".gif", ".mp4"):
         raise ValueError(f"animation {path}: the ending {path.suffix!r} is not known; use .gif or .mp4.")
     if path.suffix == ".mp4" and not FFMpegWriter.isAvailable():
         raise ValueError(f"{path}: writing MP4 needs the program ffmpeg, which is not installed; use .gif.")
     view = SurfaceView(dataset, size=(720, 480))
     times = dataset["snapshot"].values
+    require_frames("animate_surface", len(times), 800 * 490, "keep snapshots at longer intervals.")
     rate = frames_per_second or (1.0 / float(np.diff(times).mean()) if len(times) > 1 else 10.0)
     writer = PillowWriter(fps=rate) if path.suffix == ".gif" else FFMpegWriter(fps=rate)  # type: ignore[arg-type]
     with plt.rc_context(STYLE):

@@ -21,6 +21,7 @@ from exumob.flow.output.vehicle_surface import body_triangles, placed
 from exumob.flow.poses import Poses
 from exumob.flow.solver import FlowSolver
 from exumob.support.arrays import Array
+from exumob.support.declared import checked
 from exumob.support.files import atomic_write
 from exumob.vehicle.parameters import Vehicle
 
@@ -47,9 +48,10 @@ class VtkSeries:
         If `folder` is a file, or its parent does not exist.
     """
 
+    @checked
     def __init__(self, folder: Path, vehicle: Vehicle) -> None:
         """Check the folder; see the class."""
-        self.folder = Path(folder)
+        self.folder = folder
         if self.folder.exists() and not self.folder.is_dir():
             raise ValueError(f"VtkSeries.folder = {folder} is a file; give a folder.")
         if not self.folder.parent.is_dir():

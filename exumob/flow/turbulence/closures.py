@@ -8,7 +8,7 @@ reads those at the begin of a step and writes those at its end, which the solver
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
 from numba import njit, prange
@@ -19,7 +19,8 @@ from exumob.flow.grid import HALO, Metrics
 from exumob.flow.turbulence import komega
 from exumob.flow.turbulence.wall import Walls
 from exumob.support.arrays import Array
-from exumob.support.checks import require_positive, require_within
+from exumob.support.declared import Declared
+from exumob.support.quantities import Quantity
 
 MOLECULAR_VISCOSITY = 1.0e-6
 """Kinematic viscosity of water at 20 degrees Celsius [m^2/s]."""
@@ -75,17 +76,15 @@ class Closure(Protocol):
 
 
 @dataclass(frozen=True)
-class Smagorinsky:
+class Smagorinsky(Declared):
     """Smagorinsky (1963): nu_t = (C min(cell size, wall distance * 0.41 / C))^2 |S|.
 
     C = 0.1 suits shear flows (Deardorff 1970), 0.17 isotropic turbulence (Lilly 1967). The bound by the distance to a
     solid is Prandtl's mixing length (van Driest damping is not resolved at these cells).
     """
 
-    constant: float = 0.1
-
-    def __post_init__(self) -> None:
-        require_within("Smagorinsky", 0.0, 0.3, constant=self.constant)
+    constant: Annotated[float, Quantity("1", at_least=0.0, at_most=0.3)] = 0.1
+    """C [-]"""
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -103,7 +102,7 @@ class Smagorinsky:
 
 
 @dataclass(frozen=True)
-class KOmegaSST:
+class KOmegaSST(Declared):
     """k-omega shear-stress transport (Menter, Kuntz & Langtry 2003), an unsteady RANS model with wall functions.
 
     Production of k is limited to ten times its destruction. Walls: solids with friction, and the bed if
@@ -111,26 +110,15 @@ class KOmegaSST:
     that acts on the water (`exumob.flow.turbulence.komega.apply_wall_law`). The distance to solids is known within
     about six cells; farther off F1 = F2 = 0. At the free surface the gradient is zero: no damping there. The eddy
     viscosity is bounded to what an explicit stress bears, 0.2 / (dt (1/dx^2 + 1/dy^2 + 1/dz^2)).
-
-    Parameters
-    ----------
-    intensity : float
-        Turbulence intensity of the undisturbed water, sqrt(2 k / 3) / speed [-]. Five per cent and a viscosity ratio
-        of ten are the "medium" choice in use for outer flows; flumes and rivers show 3 to 10 %.
-    speed : float
-        To which the intensity refers [m/s]; not that of the grid, so that the model is Galilean invariant.
-    viscosity_ratio : float
-        Eddy over molecular viscosity of the undisturbed water [-]; sets omega.
     """
 
-    intensity: float = 0.05
-    speed: float = 1.0
-    viscosity_ratio: float = 10.0
-
-    def __post_init__(self) -> None:
-        require_within("KOmegaSST", 1.0e-4, 0.5, intensity=self.intensity)
-        require_positive("KOmegaSST", speed=self.speed)
-        require_within("KOmegaSST", 1.0e-3, 1.0e5, viscosity_ratio=self.viscosity_ratio)
+    intensity: Annotated[float, Quantity("1", at_least=1e-4, at_most=0.5)] = 0.05
+    """Turbulence intensity of the undisturbed water, sqrt(2 k / 3) / speed [-]. Five per cent and a viscosity ratio of
+    ten are the "medium" choice in use for outer flows; flumes and rivers show 3 to 10 %"""
+    speed: Annotated[float, Quantity("m/s", at_least=1e-3, at_most=100.0)] = 1.0
+    """To which the intensity refers [m/s]; not that of the grid, so that the model is Galilean invariant"""
+    viscosity_ratio: Annotated[float, Quantity("1", at_least=1e-3, at_most=1e5)] = 10.0
+    """Eddy over molecular viscosity of the undisturbed water [-]; sets omega"""
 
     @property
     def fields(self) -> tuple[str, ...]:

@@ -1,0 +1,103 @@
+"""What a command says of a run: its verdict first, then its key figures, then the files written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from exumob.commands.shared import console, write_result
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+COLOURS = {"drives": "green"} | dict.fromkeys(("stuck", "afloat", "slides", "stands", "too short to tell"), "yellow")
+"""Colour of a verdict's line; those that are not here are red."""
+
+
+def report_run(result: xr.Dataset, targets: dict[str, Path | None], setting: str = "") -> None:
+    """Print verdict and key figures of a run, and write its files.
+
+    Parameters
+    ----------
+    result : xarray.Dataset
+        The run, whole or not.
+    targets : dict of str to path or None
+        Files by option: ``--output``, ``--figure``, ``--animate``.
+    setting : str
+        The setting, with the error that was measured with it; empty: none was.
+    """
+    from exumob.simulation.animation import animate_run
+    from exumob.simulation.plotting import plot_run
+    from exumob.simulation.summary import summary
+
+    _print_verdict(result)
+    _print_trust(result)
+    if result.sizes["time"] > 1:
+        _print_summary(result, summary(result), setting)
+    animate: Callable[[xr.Dataset, Path], None] = animate_run
+    if "hydrodynamics_elevation" in result:
+        from exumob.flow.output.pictures import animate_surface as animate
+    write_result(result, targets, plot_run, animate)
+
+
+def _print_verdict(result: xr.Dataset) -> None:
+    from exumob.simulation.verdict import verdict_of
+
+    verdict = verdict_of(result)
+    if verdict is not None:
+        console.print(f"{'verdict':<21} {verdict.sentence}", style=COLOURS.get(verdict.kind, "red"), soft_wrap=True)
+
+
+def _print_trust(result: xr.Dataset) -> None:
+    if "trust" in result.attrs:
+        style = None if result.attrs["trust_status"] == "measured" else "yellow"
+        console.print(f"{'trust':<21} {result.attrs['trust']}", style=style, soft_wrap=True)
+
+
+def _print_summary(result: xr.Dataset, figures: dict[str, Any], setting: str) -> None:
+    from exumob.simulation.plotting import water_label
+
+    slip = figures["mean_slip"]
+    lines = {
+        "run": f"{result.attrs['title'].removeprefix('exumob run of ')}, {water_label(result)}; "
+        f"{result.attrs['status'].split(':')[0]}",
+        "distance": f"{figures['distance']:.3f} m along the path, {figures['forward']:.3f} m forward",
+        "lateral displacement": f"{figures['lateral']:+.3f} m",
+        "final yaw": f"{math.degrees(figures['yaw']):+.2f} deg",
+        "drift angle": f"{math.degrees(figures['drift_angle']):+.2f} deg (course less heading, at the end)",
+        "slip": "no contact with the soil (second half)"
+        if math.isnan(slip)
+        else f"{100 * slip:.1f} % (mean of the wheels in contact, second half)",
+        "buoyed weight": f"{100 * figures['buoyed_share']:.1f} % carried by the water (mean)",
+        "driving energy": f"{figures['spin_energy']:.1f} J",
+        **({"setting": setting} if setting else {}),
+        **_range_lines(figures),
+        **_member_lines(figures),
+        "wall time": f"{figures['wall_time']:.2f} s, and {float(result.attrs['settling_wall_time']):.2f} s to settle",
+        "real-time factor": f"{figures['real_time_factor']:.2f} (simulated over wall time)",
+    }
+    for name, text in lines.items():
+        console.print(f"{name:<21} {text}", soft_wrap=True)
+
+
+def _range_lines(figures: dict[str, Any]) -> dict[str, str]:
+    """Say how long the vehicle was outside the networks' training range."""
+    if "out_of_range_share" not in figures:
+        return {}
+    return {
+        "training range": f"left for {100 * figures['out_of_range_share']:.1f} % of the time; coefficient model's "
+        f"share of the loads {100 * figures['fallback_share']:.1f} %"
+    }
+
+
+def _member_lines(figures: dict[str, Any]) -> dict[str, str]:
+    """Say how far the runs of the single networks end from each other."""
+    if "forward_spread" not in figures:
+        return {}
+    return {
+        "members' spread": f"of {figures['members']:.0f}: {1e3 * figures['forward_spread']:.0f} mm forward, "
+        f"{1e3 * figures['lateral_spread']:.0f} mm lateral, "
+        f"{math.degrees(figures['yaw_spread']):.2f} deg (standard deviations at the end)"
+    }
