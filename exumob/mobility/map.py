@@ -11,8 +11,10 @@ import functools
 import itertools
 import json
 import logging
+import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, is_dataclass, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -25,23 +27,16 @@ from exumob.mobility.lattice import CONFIDENCE, Lattice, fewest_runs, sides
 from exumob.simulation.result_files import save_dataset
 from exumob.support.arrays import Array
 from exumob.support.checks import require_within
+from exumob.support.declared import declared_fields
 from exumob.support.files import atomic_write
 from exumob.support.provenance import parameters_json, provenance
+from exumob.sweeps.experiment import STEPS, Experiment
 from exumob.sweeps.run import Progress, sweep
 from exumob.sweeps.sampling import Case, Choice, Distribution, LogNormal, Normal, sample
+from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)
 
-QUANTITIES = {
-    "water.current_speed": ("m s-1", "speed of the current"),
-    "water.current_direction": ("rad", "where the current flows to, counter-clockwise from the first heading"),
-    "water.depth_ratio": ("1", "depth of the water over the tyres' diameter"),
-    "water.depth": ("m", "depth of the water"),
-    "soil.cohesion": ("Pa", "cohesion of the soil"),
-    "soil.friction_angle": ("rad", "angle of internal friction of the soil"),
-    "hull.mass": ("kg", "mass of the hull"),
-}
-"""Units and meanings of parameters that are axes of maps, by dotted name."""
 SCATTER: dict[str, Distribution] = {
     "soil.cohesion": LogNormal(1.0, 0.20),
     "soil.friction_angle": Normal(1.0, 0.05, 0.8, 1.2),
@@ -157,9 +152,23 @@ class MobilityMap:
         return values
 
 
-def quantity_of(name: str) -> tuple[str, str]:
+def quantity_of(experiment: Experiment, name: str) -> tuple[str, str]:
     """Return the unit, as in netCDF, and the meaning of a parameter by its dotted name."""
-    return QUANTITIES.get(name, ("SI", name))
+    if name == "water.depth_ratio":
+        return "1", "depth of the water over the tyres' diameter"
+    if name in STEPS:
+        return "s", name.replace("_", " ")
+    first, _, rest = name.rpartition(".")
+    owners = {
+        "soil": experiment.soil, "water": experiment.water or Water(1.0), "maneuver": experiment.maneuver,
+        "hydrodynamics": experiment.coefficients, "": experiment.vehicle,
+    }  # fmt: skip
+    owner = owners[first] if first in owners else attrgetter(first)(experiment.vehicle)
+    for declared in declared_fields(type(owner)) if is_dataclass(owner) else ():
+        if declared.name == rest:
+            unit = "1" if declared.quantity is None else declared.quantity.unit
+            return unit.replace("/s", " s-1"), re.split(r"[:;]|\. ", declared.meaning)[0].rstrip(".") or name
+    return "1", name
 
 
 def table(mapped: xr.Dataset) -> Any:
@@ -323,7 +332,7 @@ def compute_map(
     has_range = wanted.crossing.experiment.hydrodynamics == "networks"
     result = lattice.dataset(has_range)
     for dim, axis in (("x", wanted.x), ("y", wanted.y)):
-        unit, text = quantity_of(axis.name)
+        unit, text = quantity_of(wanted.crossing.experiment, axis.name)
         result[dim].attrs |= {"units": unit, "long_name": text}
     result["panel"].attrs |= {"units": "1", "long_name": "name of the map"}
     result.attrs |= provenance() | wanted.trust() | {

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import griddata
 
 from exumob.mobility.lattice import CONFIDENCE, fewest_runs, separated_cells
-from exumob.simulation.plotting import trust_notes
 from exumob.support.arrays import Array
-from exumob.support.figures import STYLE, footnote
+from exumob.support.figures import STYLE, footnote, trust_notes
 
 AXIS_NAMES = {
     "water.current_speed": "current [m/s]", "water.depth_ratio": "depth over tyre diameter [-]",

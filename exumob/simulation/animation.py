@@ -21,13 +21,12 @@ from exumob.simulation.plotting import (
     path_limits,
     plot_path,
     stored_terrain,
-    trust_notes,
     vehicle_outlines,
     water_label,
 )
 from exumob.support.arrays import Array
 from exumob.support.cost import require_frames
-from exumob.support.figures import BODY_COLOR, SOIL_COLOR, STYLE, WATER_COLOR, footnote
+from exumob.support.figures import BODY_COLOR, SOIL_COLOR, STYLE, WATER_COLOR, footnote, trust_notes
 from exumob.vehicle.parameters import Hull
 
 

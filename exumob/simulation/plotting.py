@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -18,7 +18,7 @@ from matplotlib.text import OffsetFrom
 from exumob.ground.terrain import Terrain
 from exumob.simulation.water_models import NAMES
 from exumob.support.arrays import Array
-from exumob.support.figures import BODY_COLOR, STYLE, WATER_COLOR, footnote, legend_above_curves
+from exumob.support.figures import BODY_COLOR, STYLE, WATER_COLOR, footnote, legend_above_curves, trust_notes
 from exumob.vehicle.motion import WHEELS
 
 
@@ -214,12 +214,6 @@ def plot_run(dataset: xr.Dataset) -> Figure:
 LEAST_RANGES = {"speed": 0.1, "yaw": 2.0, "slip": 5.0, "load": 10.0, "water": 5.0, "power": 2.0}
 """Smallest vertical range of the panels of `plot_run`, in their units: of a vehicle that stands nothing is shown large.
 """
-
-
-def trust_notes(runs: Iterable[xr.Dataset]) -> list[str]:
-    """What results are worth, each text once, for the foot of a figure."""
-    found = dict.fromkeys(str(run.attrs["trust"]) for run in runs if run.attrs.get("trust"))
-    return [f"Trust. {text}" for text in found]
 
 
 def compare_runs(runs: Mapping[str, xr.Dataset]) -> Figure:

@@ -20,7 +20,7 @@ from exumob.coupling.flow_in_loop import CfdHydrodynamics
 from exumob.driving.maneuver import ConstantSteer, LaneChange
 from exumob.ground.soil import Soil
 from exumob.simulation.description import RunDescription
-from exumob.support.measured import measured_errors
+from exumob.support.measured import flow_load_error, measured_errors
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import GEOMETRY
 from exumob.vehicle.parameters import Vehicle
@@ -203,21 +203,12 @@ def _flow(run: RunDescription, soil: str) -> Trust:
         return Trust("flow in the loop", "not validated", "", soil, advice=advice)
     if not _same_vehicle(run.vehicle):
         advice = f"no run of this vehicle ({run.vehicle.name}) was repeated."
-        return Trust("flow in the loop", "not validated", _flow_loads(), soil, advice=advice)
+        return Trust("flow in the loop", "not validated", flow_load_error(), soil, advice=advice)
     error = (
         f"on other cells, in another window and mirrored, {flow['scenario']} ended within {_percent(flow['end'])} of "
-        f"the path. {_flow_loads()}"
+        f"the path; {flow_load_error()}"
     )
     return Trust("flow in the loop", "measured", error, soil, (), flow["end"], flow["end"])
-
-
-def _flow_loads() -> str:
-    """Say what is known of the loads of the flow solver."""
-    loads = measured_errors()["flow_loads"]
-    return (
-        f"The flow's drag of plain bodies is {_percents(loads['drag_low'], loads['drag_high'])} below that of another "
-        "solver; no vehicle was measured in water."
-    )
 
 
 def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:

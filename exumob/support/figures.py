@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 
 WATER_COLOR = "#4a90c2"
 
@@ -40,19 +42,25 @@ FOOTNOTE_SIZE = 7.0
 """Size of the letters of a footnote [points]."""
 
 
-def footnote(figure: Figure, *texts: str) -> None:
+def footnote(figure: Figure | SubFigure, *texts: str) -> None:
     """Write texts below everything else, wrapped to the figure's width; the figure needs a constrained layout.
 
     Parameters
     ----------
-    figure : Figure
+    figure : Figure or SubFigure
     *texts : str
         One paragraph each; empty ones are left out.
     """
-    characters = int(72.0 * figure.get_figwidth() / (0.59 * FOOTNOTE_SIZE))
+    characters = int(72.0 * figure.bbox.width / figure.dpi / (0.59 * FOOTNOTE_SIZE))
     wrapped = ["\n".join(textwrap.wrap(text, characters)) for text in texts if text]
     if wrapped:
         figure.supxlabel("\n".join(wrapped), x=0.01, ha="left", fontsize=FOOTNOTE_SIZE, color="0.25")
+
+
+def trust_notes(runs: Iterable[xr.Dataset]) -> list[str]:
+    """Return what results are worth, each text once, for the foot of a figure (see `exumob.simulation.trust`)."""
+    found = dict.fromkeys(str(run.attrs["trust"]) for run in runs if run.attrs.get("trust"))
+    return [f"Trust. {text}" for text in found]
 
 
 def legend_above_curves(axes: Axes, ncols: int = 2, least: float = 0.0) -> None:
