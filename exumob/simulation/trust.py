@@ -52,7 +52,7 @@ class Departure:
             words = list(dict.fromkeys(map(str, self.values)))
             found = ", ".join(words[:3]) + (f" and {len(words) - 3} more" if len(words) > 3 else "")
         unit = f" {self.unit}" if self.unit else ""
-        return f"{self.quantity} {found}{unit} ({self.measured})"
+        return f"{self.quantity} {found}{unit} ({self.measured}{unit})"
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,7 @@ def _departures(run: RunDescription, out_of_range: float | None, fallback: float
             yield Departure("outside their range", ("networks alone",), "the coefficient model takes over")
         most = max(row["networks"]["out_of_range"] for row in rows)
         if out_of_range is not None and out_of_range > most + 0.005:
-            yield Departure(_RANGE, (100.0 * out_of_range,), f"{100.0 * most:.2g} %", "% of the time")
+            yield Departure(_RANGE, (100.0 * out_of_range,), f"{100.0 * most:.2g}", "% of the time")
     elif isinstance(model, CoefficientHydrodynamics) and model.parameters != CoefficientHydrodynamics().parameters:
         yield Departure("coefficients", ("of your own",), "the published ones")
 
