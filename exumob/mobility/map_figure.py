@@ -188,14 +188,21 @@ def _corner_mean(values: Array) -> Array:
 
 def _draw_undecided(axes: Axes, x: Array, y: Array, low: Array, high: Array) -> dict[str, Artist]:
     """Mark where the intervals hold 50 %, that of interpolated nodes interpolated."""
-    low, high = _filled(low), _filled(high)
-    undecided = np.minimum(0.5 - low, high - 0.5)
+    fine_x, fine_y = (np.linspace(axis[0], axis[-1], 8 * len(axis) - 7) for axis in (x, y))
+    low, high = (_bilinear(x, y, _filled(bound), fine_x, fine_y) for bound in (low, high))
+    undecided = np.minimum(0.5 - low, high - 0.5)  # finely: between two decided nodes there is a place that is not
     if undecided.max() <= 0.0:
         return {}
-    dots = axes.contourf(x, y, undecided, [0.0, 1.0], colors="none", hatches=["..."])
+    dots = axes.contourf(fine_x, fine_y, undecided, [0.0, 1.0], colors="none", hatches=["..."])
     dots.set(edgecolor="0.2", linewidth=0.0)
     text = f"not decided: the {100.0 * CONFIDENCE:.0f} % interval holds 50 %"
     return {text: Patch(facecolor="w", edgecolor="0.2", lw=0.0, hatch="...", label=text)}
+
+
+def _bilinear(x: Array, y: Array, values: Array, fine_x: Array, fine_y: Array) -> Array:
+    """Values on a finer grid, shape (len(y), len(x)) -> (len(fine_y), len(fine_x))."""
+    along = np.array([np.interp(fine_x, x, row) for row in values])
+    return np.array([np.interp(fine_y, y, column) for column in along.T]).T
 
 
 def _filled(values: Array) -> Array:
