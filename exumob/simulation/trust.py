@@ -76,6 +76,8 @@ class Trust:
     """The largest of the same"""
     advice: str = ""
     """What to believe, and what to do, where nothing was measured"""
+    nearest: str = ""
+    """The error in the measured run that is nearest; a part of `error`"""
 
     @property
     def line(self) -> str:
@@ -100,7 +102,7 @@ class Trust:
         }  # fmt: skip
         if math.isfinite(self.mean):
             found |= {"trust_mean_error": self.mean, "trust_worst_error": self.worst}
-        return found
+        return found | ({"trust_nearest": self.nearest} if self.nearest else {})
 
 
 def trust_of(run: RunDescription, out_of_range: float | None = None, fallback: float | None = None) -> Trust:
@@ -240,7 +242,7 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     which = "this vehicle" if same else f"the {measured_vehicle()} vehicle"
     error = f"{amount} the flow in the loop{side}{near} ({on}; {which}, {table['soil']}, {_ranges(rows)})."
     if same:
-        return Trust(name, "measured", error, soil, (), mean, worst)
+        return Trust(name, "measured", error, soil, (), mean, worst, nearest=near)
     advice = f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop. Elsewhere"
     return Trust(name, "not validated", error, soil, advice=advice)
 

@@ -59,7 +59,11 @@ def footnote(figure: Figure | SubFigure, *texts: str) -> None:
 
 def trust_notes(runs: Iterable[xr.Dataset]) -> list[str]:
     """Return what results are worth, each text once, for the foot of a figure (see `exumob.simulation.trust`)."""
-    found = dict.fromkeys(str(run.attrs["trust"]) for run in runs if run.attrs.get("trust"))
+    known = [run.attrs for run in runs if run.attrs.get("trust")]
+    several = len(known) > 1  # what is said of one run alone is left out, so that the rest is said once
+    found = dict.fromkeys(
+        str(attrs["trust"]).replace(str(attrs.get("trust_nearest", "")) if several else "\0", "") for attrs in known
+    )
     return [f"Trust. {text}" for text in found]
 
 
