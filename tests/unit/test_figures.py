@@ -12,6 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
+from exumob.flow.output.vehicle_surface import body_triangles, stored_vehicle
 from exumob.ground.terrain import Terrain
 from exumob.simulation.animation import _scene, animate_run
 from exumob.simulation.plotting import compare_runs, frame_path, plot_run, stored_terrain, vehicle_outlines
@@ -197,3 +198,17 @@ def test_results_without_a_line_of_trust_are_drawn(short_run):
     figure = plot_run(old)
     assert figure.get_supxlabel() == ""
     plt.close(figure)
+
+
+def test_a_hull_whose_mesh_is_gone_is_drawn_as_its_box(short_run, caplog):
+    """A result is drawn in another folder than that of the run, or on another machine."""
+    parameters = json.loads(short_run.attrs["parameters"])
+    parameters["vehicle"]["Vehicle"]["hull"]["mesh"] = "gone/hull.stl"
+    run = short_run.assign_attrs(parameters=json.dumps(parameters))
+    box = body_triangles(stored_vehicle(run))[0]
+    assert np.ptp(box[..., 0]) == pytest.approx(1.0)  # the length
+    assert "gone/hull.stl is not there any more" in caplog.text
+    figure, scene = _scene(run)
+    scene.frame(0)
+    plt.close(figure)
+    plt.close(plot_run(run))

@@ -267,3 +267,16 @@ def test_figures_of_other_pages_are_still_those_of_the_table():
     assert table["flow"] == study.repeatability(load_dataset(ROOT / "studies" / "figures" / "cfd_lane_change.nc"))
     with pytest.raises(ValueError, match="no longer holds"):
         study.validated("nothing")
+
+
+def test_page_of_the_study_gives_the_figures_of_the_table():
+    page = (ROOT / "docs" / "studies" / "measured_errors.md").read_text()
+    rows = measured_errors()["runs"]
+    unseen = [row["networks"] for row in rows if not row["taught_networks"]]
+    for found in (unseen, [row["coefficients"] for row in rows]):
+        ends, speeds = ([abs(one[kind]) for one in found] for kind in ("end", "speed"))
+        for text in (f"{100 * np.mean(ends):.2g} %", f"{100 * max(ends):.2g} %", f"{np.mean(speeds):.2g} m/s",
+                     f"{max(speeds):.2g} m/s"):  # fmt: skip
+            assert f"| {text}" in page, text
+    assert max(row["networks"]["out_of_range"] for row in rows) == 0.0  # "in none of the thirteen runs"
+    assert f"repeats to {100 * measured_errors()['flow']['end']:.2g} % of the path" in page
