@@ -34,7 +34,7 @@ def placed(triangles: Sequence[Array], position: Array, rotation: Array) -> list
 
 
 def stored_vehicle(dataset: xr.Dataset) -> Vehicle:
-    """Rebuild the vehicle of a result from its attribute ``parameters``; with its box, if the hull's mesh is missing."""
+    """Rebuild the vehicle of a result from its attribute ``parameters``; its box, if the hull's mesh is missing."""
     stored = dict(next(iter(json.loads(dataset.attrs["parameters"])["vehicle"].values())))
     hull = stored["hull"]
     for name, make in (("mesh", Path), ("inertia", tuple)):
