@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,8 +23,11 @@ from exumob.commands.options import (
     Duration,
     Output,
     Threads,
+    UnusualValues,
     VehicleFile,
     option,
+    option_names,
+    radians,
 )
 from exumob.commands.shared import (
     check_targets,
@@ -86,6 +90,7 @@ def captive_command(  # one argument an option of the command line
         Surface, option(EXPERT, "Transport of the free surface: thinc, or plic as a cross-check.")
     ] = Surface.thinc,
     threads: Threads = 1,
+    unusual: UnusualValues = False,
 ) -> None:
     """Tow a vehicle through water on a prescribed path and find the loads on its five bodies.
 
@@ -96,35 +101,46 @@ def captive_command(  # one argument an option of the command line
         check_targets(targets)
         from exumob.flow import FlowSettings, KOmegaSST, Smagorinsky
         from exumob.flow.output.vtk import VtkSeries
-        from exumob.towing_tank.motion import CaptiveMotion
+        from exumob.flow.settings import SurfaceTransport
+        from exumob.flow.vehicle_window import vehicle_window
+        from exumob.support.quantities import DIRECTION, Unusual
+        from exumob.towing_tank.motion import STEERING_ANGLE, TURN, YAW_RATE, CaptiveMotion
         from exumob.towing_tank.run import captive_run
         from exumob.water.conditions import Water
 
         car = vehicle_of(vehicle)
-        water = Water(depth, current, math.radians(current_direction))
-        motion = CaptiveMotion(
-            speed=speed, drift_angle=math.radians(drift_angle), yaw_rate=math.radians(yaw_rate),
-            steering=math.radians(steering), wheel_speed=wheel_speed, ramp_time=ramp_time,
-        )  # fmt: skip
+        if unusual:
+            depth, current, wheel_speed, cell_size = map(Unusual, (depth, current, wheel_speed, cell_size))
+        with option_names():
+            water = Water(depth, current, radians("--current-direction", current_direction, DIRECTION, unusual))
+            motion = CaptiveMotion(
+                speed=speed, drift_angle=radians("--drift-angle", drift_angle, TURN),
+                yaw_rate=radians("--yaw-rate", yaw_rate, YAW_RATE),
+                steering=radians("--steering", steering, STEERING_ANGLE), wheel_speed=wheel_speed, ramp_time=ramp_time,
+            )  # fmt: skip
         models: dict[Closure, Smagorinsky | KOmegaSST | None] = {
             Closure.SMAGORINSKY: Smagorinsky(), Closure.K_OMEGA_SST: KOmegaSST(), Closure.NONE: None
         }  # fmt: skip
-        settings = FlowSettings(
-            threads=threads, closure=models[closure], surface="plic" if surface is Surface.plic else "thinc"
-        )
+        transport: SurfaceTransport = "plic" if surface is Surface.plic else "thinc"
+        with option_names():
+            settings = FlowSettings(threads=threads, closure=models[closure], surface=transport)
+        snapshots = max(round(0.05 / interval), 1) * interval if (figure or animate or vtk) and interval > 0.0 else None
         series = VtkSeries(vtk, car) if vtk else None
+        if series is not None and snapshots is not None:
+            with option_names():
+                series.require_room(vehicle_window(car, cell_size, water), 1 + int(duration / snapshots))
     except (ValueError, OSError, ImportError) as error:
         fail(error)
 
-    with simulated_time_bar(duration) as advance:
-        result, code = whatever_was_computed(
-            lambda: captive_run(
+    def run(advance: Callable[[float], None]) -> xr.Dataset:
+        with option_names():
+            return captive_run(
                 car, water, motion, cell_size=cell_size, duration=duration, interval=interval, settings=settings,
-                snapshots=max(round(0.05 / interval), 1) * interval if figure or animate or vtk else None,
-                on_snapshot=series.add if series else None, allow_coarse=coarse, progress=advance,
-            ),
-            output,
-        )  # fmt: skip
+                snapshots=snapshots, on_snapshot=series.add if series else None, allow_coarse=coarse, progress=advance,
+            )  # fmt: skip
+
+    with simulated_time_bar(duration) as advance:
+        result, code = whatever_was_computed(lambda: run(advance), output)
     _report(result, targets)
     if series:
         console.print(f"ParaView  {series.file}", soft_wrap=True)

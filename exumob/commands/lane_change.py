@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -29,8 +28,11 @@ from exumob.commands.options import (
     SettingOption,
     SoilName,
     Threads,
+    UnusualValues,
     VehicleFile,
     option,
+    option_names,
+    radians,
 )
 from exumob.commands.report import report_run
 from exumob.commands.shared import (
@@ -45,6 +47,8 @@ from exumob.coupling.scheme import Coupling
 from exumob.simulation.settings import DURATION, SETTINGS, SOIL
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from exumob.coupling.flow_in_loop import CfdHydrodynamics
     from exumob.water.conditions import Water
     from exumob.water.hydrodynamics import Hydrodynamics
@@ -112,6 +116,7 @@ def lane_change_command(  # one argument an option of the command line
         Scheme, option(EXPERT, "Scheme by which vehicle and flow agree within a macro step (cfd).")
     ] = Scheme.semi_implicit,
     threads: Threads = 1,
+    unusual: UnusualValues = False,
 ) -> None:
     """Drive the single lane change of the paper through water on soft soil.
 
@@ -120,11 +125,12 @@ def lane_change_command(  # one argument an option of the command line
     With the flow solver in the loop: exumob lane-change --hydrodynamics cfd --cell-size 0.018 --coarse --checkpoint
     run.npz --output run.nc; when it was stopped, the same with --resume.
     """
-    from exumob.driving.maneuver import lane_change
+    from exumob.driving.maneuver import STEERING_ANGLE, lane_change
     from exumob.ground.soil import Soil
     from exumob.simulation.ensemble import add_members
     from exumob.simulation.run import simulate
     from exumob.simulation.water_models import hydrodynamics_named
+    from exumob.support.quantities import DIRECTION, Unusual
     from exumob.surrogates.model import SurrogateHydrodynamics
     from exumob.water.conditions import Water
 
@@ -138,37 +144,46 @@ def lane_change_command(  # one argument an option of the command line
         if (figure or animate) and duration < 0.1:
             raise ValueError(f"--duration {duration} s is too short to draw; give at least 0.1 s, or no --figure.")
         car = vehicle_of(vehicle)
+        if unusual:
+            depth_ratio, current, wheel_speed, cell_size = map(Unusual, (depth_ratio, current, wheel_speed, cell_size))
         water = None
         if depth_ratio != 0.0:
-            direction = math.radians(current_direction)
-            water = Water.at_ratio(depth_ratio, current, tyre_diameter=car.wheel.diameter, current_direction=direction)
+            direction = radians("--current-direction", current_direction, DIRECTION, unusual)
+            with option_names():
+                water = Water.at_ratio(
+                    depth_ratio, current, tyre_diameter=car.wheel.diameter, current_direction=direction
+                )
         if networks and hydrodynamics not in (WaterModel.networks, WaterModel.auto):
             raise ValueError(f"--networks means nothing with --hydrodynamics {hydrodynamics.value}; leave one out.")
         if water is not None and hydrodynamics is WaterModel.cfd:
             grid = FlowOptions(cell_size, coarse, threads, snapshots=0.05 if animate else None)
-            model, lead = _flow_in_loop(grid, water, lambda time: progress[0](time))
+            with option_names():
+                model, lead = _flow_in_loop(grid, water, lambda time: progress[0](time))
             scheme = _scheme(coupling)
         else:
             name = "none" if hydrodynamics is WaterModel.cfd else hydrodynamics.value
             model = hydrodynamics_named(name, car, water, networks=networks)
         if members and (not isinstance(model, SurrogateHydrodynamics) or len(model.networks) < 2):
             raise ValueError("--members needs networks of two seeds at least as the water; leave it out.")
-        maneuver = lane_change(math.radians(steering), wheel_speed)
-        ground = Soil.published(soil)
+        with option_names():
+            maneuver = lane_change(radians("--steering", steering, STEERING_ANGLE), wheel_speed)
+            ground = Soil.published(soil)
     except (ValueError, OSError, ImportError) as error:
         fail(error)
     steps: dict[str, Any] = {
         "duration": duration, "setting": setting.value, "micro_step": micro_step, "macro_step": macro_step
     }  # fmt: skip
-    with simulated_time_bar(duration, "settling", "driving", lead) as advance:
-        progress.append(advance)
-        result, code = whatever_was_computed(
-            lambda: simulate(
+
+    def run(advance: Callable[[float], None]) -> xr.Dataset:
+        with option_names():
+            return simulate(
                 car, ground, water, maneuver, model, **steps, coupling=scheme, checkpoint=checkpoint, resume=resume,
                 progress=advance,
-            ),
-            output,
-        )  # fmt: skip
+            )  # fmt: skip
+
+    with simulated_time_bar(duration, "settling", "driving", lead) as advance:
+        progress.append(advance)
+        result, code = whatever_was_computed(lambda: run(advance), output)
     if members and not code:
         assert isinstance(model, SurrogateHydrodynamics)
         try:

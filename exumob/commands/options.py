@@ -5,12 +5,18 @@ A command lists its options in panels, those that a beginner needs first: `RUN`,
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand
+
+from exumob.support.quantities import Quantity, Unusual
 
 RUN = "Run"
 WATER = "Water"
@@ -73,4 +79,86 @@ Coarse = Annotated[
 ]  # fmt: skip
 Threads = Annotated[int, option(EXPERT, "Threads of the flow solver.")]
 Workers = Annotated[int, option(EXPERT, "Processes that run side by side.")]
+UnusualValues = Annotated[
+    bool, option(EXPERT, "Accept values that are possible but outside their plausible range.", "--unusual")
+]  # fmt: skip
 Seed = Annotated[int, option(EXPERT, "Seed of the random draws.")]
+
+OPTION_NAMES = {
+    "Water.current_speed": "--current",
+    "Water.at_ratio.current_speed": "--current",
+    "Water.at_ratio.depth_ratio": "--depth-ratio",
+    "Water.depth": "--depth",
+    "turn the flow with its direction": "turn the flow with --current-direction",
+    "Soil.published.name": "--soil",
+    "Soil.published": "--soil",
+    "FlowSettings.threads": "--threads",
+    "BuiltInFlow.cell_size": "--cell-size",
+    "captive_run.cell_size": "--cell-size",
+    "Grid.stretched.cell_size": "--cell-size",
+    "VtkSeries.folder": "--vtk",
+    "keep fewer instants": "give a shorter --duration",
+    "cell_size": "--cell-size",
+    "allow_coarse, --coarse": "--coarse",
+    "captive_run.duration": "--duration",
+    "simulate.duration": "--duration",
+    "duration =": "--duration =",
+    "shorter duration": "shorter --duration",
+    "longer duration": "longer --duration",
+    "a duration": "a --duration",
+    "captive_run.interval": "--interval",
+    "interval =": "--interval =",
+    "longer interval": "longer --interval",
+    "simulate.micro_step": "--micro-step",
+    "micro_step": "--micro-step",
+    "simulate.macro_step": "--macro-step",
+    "macro_step": "--macro-step",
+    "simulate.checkpoint": "--checkpoint",
+    "without checkpoint": "without --checkpoint",
+    "simulate.resume": "--resume",
+    "resume, --resume": "--resume",
+    "CaptiveMotion.speed": "--speed",
+    "CaptiveMotion.wheel_speed": "--wheel-speed",
+    "CaptiveMotion.ramp_time": "--ramp-time",
+    "ramp_time": "--ramp-time",
+    "LaneChange.speed": "--wheel-speed",
+}
+"""What errors call a value in Python, and the option that gives it at the command line."""
+_NAMES = re.compile(
+    r"(?<![\w.-])(" + "|".join(re.escape(name) for name in sorted(OPTION_NAMES, key=len, reverse=True)) + r")(?!\w)"
+)  # fmt: skip
+
+
+def with_option_names(text: str) -> str:
+    """Return a message with the options of the command line in place of Python's names."""
+    return _NAMES.sub(lambda found: OPTION_NAMES[found[1]], text)
+
+
+@contextmanager
+def option_names() -> Iterator[None]:
+    """Let errors inside the block name the options of the command line in place of Python's arguments."""
+    try:
+        yield
+    except (ValueError, RuntimeError) as error:
+        if error.args and isinstance(error.args[0], str):
+            error.args = (with_option_names(error.args[0]), *error.args[1:])
+        raise
+
+
+def radians(option: str, degrees: float, quantity: Quantity, unusual: bool = False) -> float:
+    """Return an angle or a turning given in degrees in radians, or refuse it in degrees.
+
+    Raises
+    ------
+    ValueError
+        If it is not finite, or outside the bounds or, unless it may be `unusual`, the plausible range of the quantity.
+    """
+    bounds = (quantity.at_least, quantity.at_most)
+    if quantity.plausible is not None and not unusual:
+        bounds = quantity.plausible
+    if unusual and math.isfinite(degrees):
+        return Unusual(quantity.check(option, Unusual(math.radians(degrees))))
+    low, high = (math.degrees(bound) for bound in bounds)
+    if not low - 1e-9 <= degrees <= high + 1e-9:
+        raise ValueError(f"{option} {degrees:g} must be {low:.6g} to {high:.6g} degrees; give an angle within.")
+    return min(max(math.radians(degrees), bounds[0]), bounds[1])

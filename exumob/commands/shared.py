@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from exumob.vehicle.parameters import Vehicle
 
 console = Console(markup=False, highlight=False)
+WRITTEN = (".nc", ".png", ".pdf", ".svg", ".gif", ".mp4", ".csv", ".md", ".onnx")
+"""Endings of the files that commands write; a file with another one is never replaced."""
 errors = Console(stderr=True, markup=False, highlight=False)
 
 
@@ -99,7 +101,8 @@ def check_targets(targets: dict[str, Path | None]) -> None:
     Raises
     ------
     ValueError
-        If a folder is missing or cannot be written, or the ending of a picture or animation is not known.
+        If a folder is missing or cannot be written, the ending of a picture or animation is not known, or a file that
+        exists is none that exumob writes. One that does is replaced when the run has ended, which is said.
     """
     for option, path in targets.items():
         if path is None:
@@ -113,11 +116,19 @@ def check_targets(targets: dict[str, Path | None]) -> None:
                 pass
         except OSError as error:
             raise ValueError(f"{option} {path}: the folder cannot be written ({error.strerror}).") from None
+        if path.exists() and path.suffix not in WRITTEN:
+            raise ValueError(
+                f"{option} {path}: this file exists, and its ending {path.suffix!r} is none that exumob writes; give "
+                f"another name, ending in {'.nc' if option == '--output' else path.suffix or '.png'}, or move it away."
+            )
     for option, endings in (("--figure", (".png", ".pdf", ".svg")), ("--animate", (".gif", ".mp4"))):
         path = targets.get(option)
         if path is not None and path.suffix not in endings:
             known = ", ".join(endings[:-1]) + f" or {endings[-1]}"
             raise ValueError(f"{option} {path}: the ending {path.suffix!r} is not known; use {known}.")
+    if there := [str(path) for path in targets.values() if path is not None and path.exists()]:
+        are = " and are" if len(there) > 1 else "s and is"
+        errors.print(f"{', '.join(there)} exist{are} replaced at the end", style="yellow", soft_wrap=True)
 
 
 def write_result(

@@ -28,6 +28,7 @@ def train_command(
     Example: exumob train --preset paper-lstm --seeds 5 --output networks
     """
     try:
+        from exumob.learning.cost import announce_training
         from exumob.learning.examples import training_runs
         from exumob.learning.presets import PRESETS
         from exumob.learning.training import Progress, train
@@ -41,6 +42,7 @@ def train_command(
         runs = training_runs(data)
         car = vehicle_of(vehicle)
         output.mkdir(parents=True, exist_ok=True)
+        announce_training([PRESETS[name] for name in wanted], runs, seeds, jobs)
     except (ValueError, OSError) as error:
         fail(error)
     except ImportError as error:

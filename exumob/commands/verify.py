@@ -6,7 +6,7 @@ import itertools
 import logging
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,7 +18,13 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
+from exumob.commands.options import option_names
 from exumob.commands.shared import check_targets, console, errors, fail
+from exumob.support.cost import spelled_time
+from exumob.support.quantities import DURATION, Quantity
+
+CELL_SIZE = Quantity("m", above=0.0, at_most=10.0, plausible=(1e-6, 1.0))
+"""Width of the cells of a case"""
 
 if TYPE_CHECKING:
     from exumob.verification.check import Case, Check
@@ -64,6 +70,7 @@ def verify_command(
     options |= {"allow_coarse": True} if coarse else {}
     try:
         chosen = select(CASES, names or [], slow)
+        check_values(options)
         check_options(chosen, bool(names), options, figure)
         check_targets({"--output": output, "--figure": figure})
         if output is not None and output.suffix not in (".md", ".csv"):
@@ -73,9 +80,12 @@ def verify_command(
     if runs is not None:
         os.environ[FOLDER] = str(runs)
 
+    expected = {case.name: case.expected_minutes(options) for case in chosen}
+    number, took = len(chosen), spelled_time(60.0 * sum(expected.values()))
+    errors.print(f"{number} case{'s' if number > 1 else ''}, about {took} on an idle core, without compiling")
     found: list[tuple[str, Check]] = []
     broken: list[str] = []
-    for case in with_progress(chosen):
+    for case in with_progress(chosen, expected):
         try:
             found += [(case.name, check) for check in case.run(**options)]
         except (SimulationError, ValueError) as error:
@@ -107,6 +117,24 @@ def select(cases: Sequence[Case], names: Sequence[str], slow: bool) -> list[Case
     return [case for case in cases if slow or not case.slow]
 
 
+def check_values(options: dict[str, Any]) -> None:
+    """Refuse values of the options that no case can run with.
+
+    Raises
+    ------
+    ValueError
+        Naming the option, its value and the bound.
+    """
+    for name, quantity in (("cell_size", CELL_SIZE), ("duration", DURATION), ("interval", DURATION)):
+        if name in options:
+            quantity.check(f"--{name.replace('_', '-')}", options[name])
+    if "threads" in options:
+        from exumob.flow import FlowSettings
+
+        with option_names():
+            FlowSettings(threads=options["threads"])
+
+
 def check_options(chosen: Sequence[Case], named: bool, options: dict[str, Any], figure: Path | None) -> None:
     """Refuse options before the run that the chosen cases do not have.
 
@@ -116,7 +144,8 @@ def check_options(chosen: Sequence[Case], named: bool, options: dict[str, Any], 
         If no case is named, if one lacks an option, or if not exactly one of them has a figure where one is asked for.
     """
     if options and not named:
-        raise ValueError(f"{', '.join(options)}: name the cases that this is for (exumob verify --list).")
+        flags = ", ".join(f"--{name.replace('_', '-')}" for name in options)
+        raise ValueError(f"{flags}: name the cases that this is for (exumob verify --list).")
     for case in chosen:
         case.require_options(options)
     drawn = [case.name for case in chosen if case.figure is not None]
@@ -124,9 +153,9 @@ def check_options(chosen: Sequence[Case], named: bool, options: dict[str, Any], 
         raise ValueError(f"--figure {figure}: {len(drawn)} of the cases have a figure; name one, as grid-convergence.")
 
 
-def with_progress(chosen: Sequence[Case]) -> Iterator[Case]:
-    """Yield the cases under a bar with the time left; what long runs log is shown above it."""
-    total = sum(case.minutes for case in chosen)
+def with_progress(chosen: Sequence[Case], expected: Mapping[str, float]) -> Iterator[Case]:
+    """Yield the cases under a bar with the time left, by the minutes expected; what long runs log is shown above."""
+    total = sum(expected.values())
     with Progress(
         TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[left]}"),
         console=errors, transient=True,
@@ -136,7 +165,7 @@ def with_progress(chosen: Sequence[Case]) -> Iterator[Case]:
         for case in chosen:
             bar.update(task, description=case.name)
             yield case
-            done += case.minutes
+            done += expected[case.name]
             pace = (time.monotonic() - begin) / done  # [s] of wall time per minute foreseen
             bar.update(task, completed=done, left=f"about {pace * (total - done) / 60.0:.1f} min left")
 
@@ -164,11 +193,10 @@ def print_cases(cases: Sequence[Case]) -> None:
         for column in ({"width": width}, {"width": 6, "justify": "right"}, {"width": 4}, {}):
             table.add_column(**column)
         for case in group:
-            took = f"{case.minutes:.0f} min" if case.minutes >= 1.0 else f"{60.0 * case.minutes:.0f} s"
-            table.add_row(case.name, took, "slow" if case.slow else "", case.about)
+            table.add_row(case.name, spelled_time(60.0 * case.minutes), "slow" if case.slow else "", case.about)
         console.print(table)
-    console.print("\nTimes are for one core. Slow cases run with --slow, or by name.")
-    console.print("The first case compiles the flow solver, which takes about two minutes once.")
+    console.print("\nTimes are for one idle core and the default options. Slow cases run with --slow, or by name.")
+    console.print("They leave out compiling the flow solver, which takes two to three minutes once.")
 
 
 def report(found: Sequence[tuple[str, Check]], broken: Sequence[str]) -> None:

@@ -19,6 +19,7 @@ from exumob.flow.output.snapshots import Snapshot, snapshots_dataset
 from exumob.flow.poses import Poses
 from exumob.flow.resolution import checked_solids
 from exumob.flow.settings import FlowSettings
+from exumob.flow.solids import Solid
 from exumob.flow.solver import FlowSolver
 from exumob.flow.vehicle_window import vehicle_window
 from exumob.support.arrays import Array
@@ -156,7 +157,8 @@ class BuiltInFlow:
         self.snapshots: list[Snapshot] = []
         self.steering_range: tuple[float, float] | None = None
         """Smallest and largest angle of a front wheel during the run [rad]; None: up to the vehicle's limit"""
-        self._built: tuple[Vehicle, Water, tuple[float, float]] | None = None
+        self._checked_for: tuple[Vehicle, Water, tuple[float, float]] | None = None
+        self._solver_of: tuple[Vehicle, Water, tuple[float, float]] | None = None
 
     def start(self, vehicle: Vehicle, water: Water, poses: Poses, time: float) -> None:
         """Build grid and solids, unless they are those of the last start, and fill the window. See `FlowCode`.
@@ -166,16 +168,10 @@ class BuiltInFlow:
         ValueError
             If the cells cannot resolve a gap or a wheel at any angle that the front wheels take during the run.
         """
-        angles = self.steering_range
-        if angles is None:
-            limit = vehicle.steering.limit
-            largest = [m[0] for command in (-limit, limit) for m in vehicle.steering_angles((command, 0.0, 0.0))]
-            angles = min(largest), max(largest)
-        if self._built != (vehicle, water, angles):
-            grid = self._grid_round(vehicle, water)
-            solids = checked_solids(vehicle, grid, angles, self.allow_coarse)
+        grid, solids = self._checked_solids(vehicle, water)
+        if self._solver_of != self._checked_for:
             self.solver = FlowSolver(grid, solids, water, self.settings)
-            self._built = vehicle, water, angles
+            self._solver_of = self._checked_for
         self.solver.start(poses, time)
         self.snapshots = []
 
@@ -185,17 +181,27 @@ class BuiltInFlow:
         Raises
         ------
         ValueError
-            If there is no memory for it.
+            If there is no memory for it, or as `start`.
         """
-        grid = self._grid_round(vehicle, water)
-        require_room("BuiltInFlow.grid", grid)
+        grid, _ = self._checked_solids(vehicle, water)
         settings = self.settings
         return flow_cost(
             grid.n_cells, grid.smallest_width, speed, duration, interval, settings.courant, settings.threads
         )
 
-    def _grid_round(self, vehicle: Vehicle, water: Water) -> Grid:
-        return vehicle_window(vehicle, self.cell_size, water) if self.grid is None else self.grid
+    def _checked_solids(self, vehicle: Vehicle, water: Water) -> tuple[Grid, tuple[Solid, ...]]:
+        """Return grid and solids after all checks, made anew if vehicle, water or angles have changed."""
+        angles = self.steering_range
+        if angles is None:
+            limit = vehicle.steering.limit
+            largest = [m[0] for command in (-limit, limit) for m in vehicle.steering_angles((command, 0.0, 0.0))]
+            angles = min(largest), max(largest)
+        if self._checked_for != (vehicle, water, angles):
+            grid = vehicle_window(vehicle, self.cell_size, water) if self.grid is None else self.grid
+            require_room("BuiltInFlow.grid", grid)
+            self._built = grid, checked_solids(vehicle, grid, angles, self.allow_coarse)
+            self._checked_for = vehicle, water, angles
+        return self._built
 
     def advance(self, time: float, poses: Poses) -> Array:
         """See `FlowCode`."""

@@ -1,7 +1,7 @@
 """Maneuvers: steering angle and wheel speed over time, with two derivatives each.
 
-The multibody model prescribes both as kinematic constraints (paper Eq. 6), so they must be smooth: C2, starting from
-rest with zero angular acceleration (a sudden start means spin torques of hundreds of N m in the first step).
+The multibody model prescribes both as kinematic constraints (paper Eq. 6), so they must be smooth: C2, starting with
+zero angular acceleration (a sudden start means spin torques of hundreds of N m in the first step).
 """
 
 from __future__ import annotations
@@ -88,10 +88,11 @@ def smooth_step(x: float) -> Motion:
     )
 
 
-def ramp(time: float, duration: float, final: float) -> Motion:
-    """Return a quintic ramp from 0 at time 0 to `final` at `duration` [s], with its two time derivatives."""
+def ramp(time: float, duration: float, final: float, start: float = 0.0) -> Motion:
+    """Return a quintic ramp from `start` at time 0 to `final` at `duration` [s], with its two time derivatives."""
     s, d, dd = smooth_step(time / duration)
-    return final * s, final * d / duration, final * dd / duration**2
+    rise = final - start
+    return start + rise * s, rise * d / duration, rise * dd / duration**2
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,9 @@ class LaneChange(Declared):
     speed: Annotated[float, WHEEL_SPEED] = 10.0
     """Final wheel speed"""
     ramp_time: Annotated[float, RAMP_TIME] = 1.0
-    """Time from rest to the final wheel speed"""
+    """Time from the first to the final wheel speed"""
+    start_speed: Annotated[float, WHEEL_SPEED] = 0.0
+    """Wheel speed at time 0: a vehicle that starts rolling"""
 
     def _check(self) -> None:
         if self.end - self.start < SHORTEST:
@@ -140,7 +143,7 @@ class LaneChange(Declared):
 
     def wheel_speed(self, time: float) -> Motion:
         """Return the spin of all wheels [rad/s] and its two derivatives."""
-        return ramp(time, self.ramp_time, self.speed)
+        return ramp(time, self.ramp_time, self.speed, self.start_speed)
 
 
 @dataclass(frozen=True)
@@ -153,6 +156,8 @@ class ConstantSteer(Declared):
     """Final wheel speed; 0: the vehicle stands on locked wheels"""
     ramp_time: Annotated[float, RAMP_TIME] = 1.0
     """Time of the ramp of the wheel speed, and then of the ramp of the steering"""
+    start_speed: Annotated[float, WHEEL_SPEED] = 0.0
+    """Wheel speed at time 0: a vehicle that starts rolling"""
 
     def steering(self, time: float) -> Motion:
         """Return the mean front-wheel angle [rad], its rate and acceleration."""
@@ -160,7 +165,7 @@ class ConstantSteer(Declared):
 
     def wheel_speed(self, time: float) -> Motion:
         """Return the spin of all wheels [rad/s] and its two derivatives."""
-        return ramp(time, self.ramp_time, self.speed)
+        return ramp(time, self.ramp_time, self.speed, self.start_speed)
 
 
 class Recorded:
@@ -175,12 +180,12 @@ class Recorded:
     steering : array, shape (n,)
         Mean front-wheel angle [rad].
     wheel_speed : array, shape (n,)
-        Spin of the wheels [rad/s]; must start at 0 (the vehicle starts at rest).
+        Spin of the wheels [rad/s]; where it does not start at 0, the vehicle starts rolling.
 
     Raises
     ------
     ValueError
-        If shapes differ, times do not increase from 0, or the wheels do not start at rest.
+        If shapes differ, or times do not increase from 0.
     """
 
     @checked
@@ -201,8 +206,6 @@ class Recorded:
             )
         if t[0] != 0.0 or (np.diff(t) <= 0.0).any():
             raise ValueError("Recorded.time must increase from 0 s; shift or sort the samples.")
-        if speed[0] != 0.0:
-            raise ValueError(f"Recorded.wheel_speed starts at {speed[0]} rad/s; it must start at rest (0 rad/s).")
         self._end = float(t[-1])
         self.parameters = {"time": t.tolist(), "steering": angle.tolist(), "wheel_speed": speed.tolist()}
         """The samples, as kept in results."""

@@ -81,7 +81,7 @@ class PathFollowing(Declared):
     speed: Annotated[float, WHEEL_SPEED] = 10.0
     """Final wheel speed"""
     ramp_time: Annotated[float, RAMP_TIME] = 1.0
-    """Time from rest to the final wheel speed"""
+    """Time from the first to the final wheel speed"""
     gain: Annotated[float, Quantity("1/s", at_least=0.0, at_most=100.0)] = 1.0
     """Speed of the approach to the path over the distance from it"""
     softening_speed: Annotated[float, Quantity("m/s", above=0.0, at_most=100.0)] = 0.2
@@ -98,6 +98,8 @@ class PathFollowing(Declared):
     """Interval at which the driver looks at the vehicle"""
     response_time: Annotated[float, Quantity("s", at_least=1e-3, at_most=10.0)] = 0.15
     """Time from an angle wanted to the angle reached"""
+    start_speed: Annotated[float, WHEEL_SPEED] = 0.0
+    """Wheel speed at time 0: a vehicle that starts rolling"""
 
     def _check(self) -> None:
         points = np.asarray(self.waypoints, float)
@@ -125,7 +127,7 @@ class PathFollowing(Declared):
 
     def wheel_speed(self, time: float) -> Motion:
         """Return the spin of all wheels [rad/s] and its two derivatives."""
-        return ramp(time, self.ramp_time, self.speed)
+        return ramp(time, self.ramp_time, self.speed, self.start_speed)
 
     def driver(self, vehicle: Vehicle) -> StanleyDriver:
         """Return a driver who follows the path with this vehicle, for one run."""

@@ -314,13 +314,13 @@ def _require_countable(owner: str, cell_size: float, counts: Callable[[float], l
     if min(along) < LEAST_CELLS - 0.5:
         axis = along.index(min(along))
         raise ValueError(
-            f"{owner}: cell_size = {cell_size:g} m makes {along[axis]:.0f} cells along {'xyz'[axis]}; every axis needs "
+            f"{owner}.cell_size = {cell_size:g} m makes {along[axis]:.1f} cells along {'xyz'[axis]}; every axis needs "
             f"at least {LEAST_CELLS}, so give a smaller one."
         )
     if not math.prod(along) <= MOST_CELLS:
         size = fitting_size(cell_size, lambda size: math.prod(counts(size)))
         raise ValueError(
-            f"{owner}: cell_size = {cell_size:g} m makes {math.prod(along):.2g} cells, about "
+            f"{owner}.cell_size = {cell_size:g} m makes {math.prod(along):.2g} cells, about "
             f"{spelled_size(BYTES_PER_CELL * math.prod(along))} of memory, and this machine has "
             f"{spelled_size(memory_limit())}; cells of {size:g} m would fit."
         )

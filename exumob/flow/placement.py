@@ -146,7 +146,7 @@ class Placement:
             raise ValueError(
                 f"solid {n} reaches {bottom - lowest:.3g} m below {'the bed' if self.bed is None else 'the window'}, "
                 f"more than the grid can see ({bottom - self.metrics.zf[1]:.3g} m, "
-                "one and a half cells); sinkage is too large or the cells too small."
+                "one and a half cells); use larger cells, or a firmer soil into which it sinks less."
             )
 
     def _check_above(self) -> None:

@@ -225,4 +225,9 @@ def _check_geometry(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> None:
             for part in field.split("."):
                 found = found[part]
             if isinstance(value, float) and not np.isclose(found, value, rtol=1e-3):
-                raise ValueError(f"{name} was made with {field} = {found}, {vehicle.name} has {value}; give --vehicle.")
+                raise ValueError(
+                    f"{name}: this run was made with a vehicle whose {field} is {found}; that of {vehicle.name} is "
+                    f"{value}. "
+                    f"Networks learn from runs of their own vehicle: give runs made with {vehicle.name} (--data), or "
+                    "the vehicle of these runs (--vehicle)."
+                )

@@ -28,6 +28,7 @@ from exudyn.itemInterface import (
 from exudyn.utilities import RigidBodyInertia
 
 from exumob.ground.terrain import Terrain
+from exumob.multibody.placing import standing_pose
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.vehicle.parameters import Motion, Vehicle, Wishbones
@@ -73,7 +74,7 @@ def assemble(mbs: Any, vehicle: Vehicle, terrain: Terrain, command: DrivingComma
         Empty.
     vehicle : Vehicle
     terrain : Terrain
-        The vehicle stands at the world's origin, its z axis along the terrain's normal there.
+        The vehicle stands at the world's origin, laid on the ground under its wheels.
     command : DrivingCommand
         Read by the steering and spin constraints while the system runs.
     loads : record of dtype `exumob.multibody.applied_loads.LOADS`
@@ -119,9 +120,7 @@ def assemble(mbs: Any, vehicle: Vehicle, terrain: Terrain, command: DrivingComma
 
 def _add_bodies(mbs: Any, vehicle: Vehicle, terrain: Terrain) -> tuple[int, list[int], list[int]]:
     """Hull, uprights and wheels at ride height; returns their numbers."""
-    height, normal = terrain.height_and_normal(0.0, 0.0)
-    tilt = _frame_on(normal)
-    origin = np.array([0.0, 0.0, height])
+    origin, tilt = standing_pose(vehicle, terrain)
 
     def add_body(name: str, mass: float, inertia: Array, position: Array) -> int:
         body: int = mbs.CreateRigidBody(
@@ -144,13 +143,6 @@ def _add_bodies(mbs: Any, vehicle: Vehicle, terrain: Terrain) -> tuple[int, list
         for i, c in enumerate(vehicle.wheel_centers)
     ]
     return hull, uprights, wheels
-
-
-def _frame_on(normal: Array) -> Array:
-    """Rotation matrix whose z axis is the terrain's normal and whose x axis points along world x."""
-    left = np.cross(normal, [1.0, 0.0, 0.0])
-    left /= np.linalg.norm(left)
-    return np.column_stack([np.cross(left, normal), left, normal])
 
 
 def _add_pillar(mbs: Any, bodies: tuple[int, int], center: Array, steered: bool) -> None:

@@ -20,10 +20,12 @@ from exumob.multibody.applied_loads import LOADS, pack_parameters, vehicle_loads
 from exumob.multibody.assembly import DrivingCommand, assemble
 from exumob.multibody.constraints import Constraints
 from exumob.multibody.energy_account import ENERGY_ACCOUNT, add_work
+from exumob.multibody.placing import standing_pose
 from exumob.multibody.recorder import Recorder, SystemState
-from exumob.multibody.settling import SETTLING_MICRO_STEP, relax
+from exumob.multibody.rigid_body import generalized_moment, rotation_matrix
+from exumob.multibody.settling import SETTLING_MICRO_STEP, Start, relax
 from exumob.multibody.soil_contact import DAMPING_ENTRIES, soil_damping
-from exumob.multibody.solver_settings import integration_settings
+from exumob.multibody.solver_settings import LOOSER, integration_settings
 from exumob.support.arrays import Array
 from exumob.support.errors import SimulationError
 from exumob.support.exudyn import exu
@@ -45,6 +47,7 @@ class SavedState:
     history: np.ndarray | None
     records: np.ndarray | None
     driver: dict[str, Any] | None = None
+    start_kind: str = ""
 
 
 class MultibodyVehicle:
@@ -94,7 +97,12 @@ class MultibodyVehicle:
         self.loads = np.zeros(1, LOADS)
         self.energy_account = np.zeros(1, ENERGY_ACCOUNT)
         self._heights = terrain.as_arrays()[1]
+        self._ground_normal = standing_pose(vehicle, terrain)[1][:, 2]
         self._command = DrivingCommand()
+        self.loosened = 0
+        """Macro steps in which Newton's tolerance had to be loosened"""
+        self.start_kind = ""
+        """How the run started, see `exumob.multibody.settling.Start`"""
         self._driving = False  # until the vehicle has settled: wheels locked, steering as at time 0
         self._changing_wrench: tuple[Array, Array, float] | None = None  # mean, rate and middle of a macro step
 
@@ -117,37 +125,64 @@ class MultibodyVehicle:
 
     # -- running -----------------------------------------------------------------------------------------------------
 
-    def settle(self, water_wrenches: Callable[[BodyStates], Array], limit: float = 20.0) -> None:
+    def settle(self, water_wrenches: Callable[[BodyStates], Array], initial_speed: float = 0.0) -> Start:
         """Find the static equilibrium (`exumob.multibody.settling`), and make it the state at time 0.
 
         Parameters
         ----------
         water_wrenches : callable
             Wrenches of the water for the present states, shape (5, 6), asked for every `SETTLING_STEP`.
-        limit : float
-            Give up after this simulated time [s].
+        initial_speed : float
+            Speed at time 0 along the heading, parallel to the ground under the wheels [m/s].
+
+        Returns
+        -------
+        Start
+            Whether the vehicle stands, creeps or slides.
 
         Raises
         ------
         SimulationError
-            If no equilibrium is found (the vehicle sinks in, floats or slides).
+            If a wheel sinks to its centre.
         """
-        settings = integration_settings(SETTLING_MICRO_STEP, limit, tolerance=1e-7)
+        settings = integration_settings(SETTLING_MICRO_STEP, 1.0, tolerance=1e-7)
         settings.timeIntegration.newton.modifiedNewtonContractivity = 0.5  # half the time of 0.05; 1e-11 m apart
 
         def advance(end_time: float) -> BodyStates:
             self._advance(settings, end_time)
             return self.present()
 
+        def state() -> tuple[Array, Array]:
+            return np.array(self._q), np.array(self._v)
+
         self._start(settings, driving=False)
         try:
-            relax(self.vehicle, self.parameters[0], self.loads[0], water_wrenches, advance, self.present(), limit)
+            start = relax(
+                self.vehicle, self.parameters[0], self.loads[0], water_wrenches, advance, self.present(), state
+            )
         finally:
             self._solver.FinalizeSolver(self.mbs, settings)
+        self.start_kind = start.kind
+        velocities = start.velocities + self._rolling(start.coordinates, initial_speed)
         data = self.mbs.systemData
-        data.SetODE2Coordinates(np.array(self._q), configuration=exu.ConfigurationType.Initial)
-        data.SetODE2Coordinates_t(np.array(self._v), configuration=exu.ConfigurationType.Initial)
+        data.SetODE2Coordinates(start.coordinates, configuration=exu.ConfigurationType.Initial)
+        data.SetODE2Coordinates_t(velocities, configuration=exu.ConfigurationType.Initial)
         self._start(self._settings, driving=True)
+        return start
+
+    def _rolling(self, coordinates: Array, speed: float) -> Array:
+        """Velocities of a vehicle that moves straight ahead while its wheels turn as the maneuver begins."""
+        node = (coordinates + self._reference).reshape(9, 7)
+        rates, rotation, spinning = np.zeros((9, 7)), np.zeros((3, 3)), np.zeros(4)
+        rotation_matrix(node[0], rotation)
+        ahead = rotation[:, 0] - self._ground_normal * (rotation[:, 0] @ self._ground_normal)
+        rates[:, :3] = speed * ahead / np.linalg.norm(ahead)
+        wheel_speed = self.maneuver.wheel_speed(0.0)[0]
+        for i in range(4):
+            rotation_matrix(node[1 + i], rotation)
+            generalized_moment(node[5 + i], 0.25 * wheel_speed * rotation[:, 1].copy(), spinning)
+            rates[5 + i, 3:] = spinning  # e_t = G^T(e) w / 2
+        return rates.ravel()
 
     def _start(self, settings: Any, driving: bool) -> None:
         """Begin a run at time 0 from the initial configuration."""
@@ -240,18 +275,44 @@ class MultibodyVehicle:
         )
 
     def _advance(self, settings: Any, end_time: float) -> None:
+        """Integrate to `end_time`, with a looser tolerance where rounding stops Newton's iterations short of it."""
+        before = self.save(histories=False) if self._driving else None
+        if self._solve(settings, end_time):
+            return
+        newton = settings.timeIntegration.newton
+        usual = newton.relativeTolerance, newton.absoluteTolerance
+        try:
+            for tolerance in LOOSER:
+                if before is None:
+                    break
+                newton.relativeTolerance, newton.absoluteTolerance = tolerance, 1e-2 * tolerance
+                self._go_on_from(before, settings)
+                if self._solve(settings, end_time):
+                    self.loosened += 1
+                    newton.relativeTolerance, newton.absoluteTolerance = usual
+                    self._go_on_from(self.save(histories=False), settings)
+                    return
+        finally:
+            newton.relativeTolerance, newton.absoluteTolerance = usual
+        raise SimulationError(
+            f"{self.vehicle.name}: the time integration broke down at {self.time:.4f} s (Newton did not converge). "
+            "Halve micro_step, or soften the soil, the bump stops or the maneuver."
+        )
+
+    def _go_on_from(self, saved: SavedState, settings: Any) -> None:
+        """Return to a state with a new solver: one that failed keeps its reduced step, and any the tolerance it had."""
+        self._solver = exu.MainSolverImplicitSecondOrder()
+        self._solver.InitializeSolver(self.mbs, settings)
+        self.restore(saved)
+
+    def _solve(self, settings: Any, end_time: float) -> bool:
         self._solver.it.endTime = end_time
         try:
-            converged = self._solver.SolveSteps(self.mbs, settings)
+            return bool(self._solver.SolveSteps(self.mbs, settings))
         except Exception as error:
             if isinstance(error.__cause__, SimulationError | KeyboardInterrupt):  # from a user function
                 raise error.__cause__ from None
             raise
-        if not converged:
-            raise SimulationError(
-                f"{self.vehicle.name}: the time integration broke down at {self.time:.4f} s (Newton did not converge). "
-                "Halve micro_step, or soften the soil, the bump stops or the maneuver."
-            )
 
     def advance(self, end_time: float, wrenches: Array, rate: Array | None = None) -> None:
         """Integrate to `end_time` with the water's wrenches on the five bodies.
@@ -318,6 +379,7 @@ class MultibodyVehicle:
             energy_account=self.energy_account.copy(),
             **self._recorder.save(histories),
             driver=None if self._driver is None else {"looks": self._looks, "own": copy.deepcopy(self._driver.save())},
+            start_kind=self.start_kind,
         )
 
     def restore(self, saved: SavedState) -> None:
@@ -349,6 +411,7 @@ class MultibodyVehicle:
         if self._driver is not None and saved.driver is not None:
             self._looks = saved.driver["looks"]
             self._driver.restore(copy.deepcopy(saved.driver["own"]))
+        self.start_kind = saved.start_kind
         self._prescribe(saved.time)
 
     def constraint_wrenches(self) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import asdict, is_dataclass
 
 import numpy as np
@@ -16,24 +17,28 @@ from exumob.vehicle.parameters import Vehicle
 MOST_SAMPLES = 100_000
 """Instants at which a maneuver is looked at; of a longer one than 100 s not every millisecond."""
 
+logger = logging.getLogger(__name__)
+
 
 def check_steps(steps: Steps) -> None:
     """Raise ValueError unless every step is positive and a whole multiple of the one below it [s]."""
     require_positive("simulate", **asdict(steps))
     for name, coarse, fine_name, fine in (
-        ("the history step of 1 ms", HISTORY_STEP, "micro_step", steps.micro_step),
+        ("", HISTORY_STEP, "micro_step", steps.micro_step),
         ("macro_step", steps.macro_step, "micro_step", steps.micro_step),
         ("record_step", steps.record_step, "micro_step", steps.micro_step),
         ("duration", steps.duration, "macro_step", steps.macro_step),
     ):
         ratio = coarse / fine
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6 * ratio:
-            choice, advice = name, f"{max(round(ratio), 1) * fine:.9g}"
-            if name.startswith("the history"):
-                choice, advice = "micro_step", "1e-3, 5e-4, 2.5e-4, 2e-4 or 1e-4"
+            if not name:
+                raise ValueError(
+                    f"simulate.micro_step = {fine:g} s must divide 1 ms, the interval at which the water's models see "
+                    "the motion, into whole parts; choose 1e-3, 5e-4, 2.5e-4, 2e-4 or 1e-4 s, say."
+                )
             raise ValueError(
-                f"simulate: {name} ({coarse:g} s) must be a whole multiple of {fine_name} = {fine:g} s; "
-                f"choose {choice} = {advice} s, say."
+                f"simulate.{name} = {coarse:g} s must be a whole multiple of {fine_name} = {fine:g} s; choose {name} = "
+                f"{max(round(ratio), 1) * fine:.9g} s, say."
             )
     require_room(steps)
 
@@ -49,7 +54,7 @@ def check_described(maneuver: Maneuver) -> None:
 
 
 def check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> tuple[float, float]:
-    """Raise ValueError unless a maneuver is finite, starts at rest and stays within the steering limit.
+    """Raise ValueError unless a maneuver is finite, starts steadily and stays within the steering limit.
 
     Returns
     -------
@@ -76,11 +81,37 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> tup
             f"maneuver: steers {np.degrees(largest):.1f} deg, beyond Steering.limit = "
             f"{np.degrees(vehicle.steering.limit):.1f} deg of {vehicle.name}; steer less or raise the limit."
         )
-    if np.abs(steering[0, :2]).max() > 1e-12 or np.abs(speed[0, :2]).max() > 1e-9:
+    if np.abs(steering[0, :2]).max() > 1e-12 or abs(speed[0, 1]) > 1e-9:
         raise ValueError(
-            f"maneuver: starts with steering {steering[0, 0]:.3g} rad and wheel speed {speed[0, 0]:.3g} rad/s; it must "
-            "start at rest, straight ahead, with zero rates (the vehicle starts in static equilibrium). Ramp them up."
+            f"maneuver: starts with steering {steering[0, 0]:.3g} rad, its rate {steering[0, 1]:.3g} rad/s and wheels "
+            f"that speed up by {speed[0, 1]:.3g} rad/s^2; it must start straight ahead and steadily. Ramp them up."
         )
     if isinstance(maneuver, FeedbackManeuver):
         return -largest, largest
     return float(steering[:, 0].min()), float(steering[:, 0].max())
+
+
+def check_initial_speed(speed: float, rolling: float, flow_in_loop: bool) -> None:
+    """Refuse a start in motion with a flow solver in the loop; warn if the wheels do not turn with the vehicle.
+
+    Parameters
+    ----------
+    speed, rolling : float
+        Speed of the vehicle at time 0, and that at which its wheels roll [m/s].
+    flow_in_loop : bool
+
+    Raises
+    ------
+    ValueError
+        If the vehicle is to start in motion, for which the flow round it cannot be developed.
+    """
+    if flow_in_loop and (speed != 0.0 or rolling != 0.0):
+        raise ValueError(
+            f"simulate.initial_speed = {speed:g} m/s: with a flow solver in the loop the water develops round a "
+            "vehicle at rest; start at rest (no initial_speed, a maneuver with start_speed = 0) and ramp the wheels up."
+        )
+    if abs(speed - rolling) > max(0.5 * abs(speed), 0.05):
+        logger.warning(
+            "the vehicle starts at %.3g m/s while its wheels turn as at %.3g m/s, so that they slide; for a rolling "
+            "start give the maneuver a start_speed.", speed, rolling,
+        )  # fmt: skip

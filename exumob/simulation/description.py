@@ -36,6 +36,8 @@ class RunDescription:
     hydrodynamics: Hydrodynamics
     coupling: Coupling
     steps: Steps
+    initial_speed: float
+    """Speed at time 0 along the heading [m/s]"""
 
     def parts(self) -> dict[str, Any]:
         """Return the parts by name; the steps as a dict of numbers [s]."""

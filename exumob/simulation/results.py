@@ -182,6 +182,7 @@ def build_dataset(
     dataset.attrs = provenance() | {
         "title": f"exumob run of {vehicle.name}",
         "status": status,
+        "start": model.start_kind,
         "hydrodynamics": type(run.hydrodynamics).__name__,
         "coupling": type(run.coupling).__name__,
         "parameters": parameters_json(run.parts()),

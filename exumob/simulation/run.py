@@ -17,10 +17,10 @@ from exumob.driving.maneuver import Maneuver, lane_change
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.multibody.applied_loads import vehicle_loads
-from exumob.multibody.settling import SETTLING_STEP
+from exumob.multibody.settling import SETTLING_STEP, Start
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.checkpoint import Checkpoints, Fingerprint
-from exumob.simulation.checks import check_described, check_maneuver, check_steps
+from exumob.simulation.checks import check_described, check_initial_speed, check_maneuver, check_steps
 from exumob.simulation.cost import prepare
 from exumob.simulation.description import RunDescription, Steps
 from exumob.simulation.results import build_dataset
@@ -32,13 +32,16 @@ from exumob.support.arrays import Array
 from exumob.support.compiled import say_compilation
 from exumob.support.declared import checked
 from exumob.support.errors import SimulationError, SimulationInterrupted
-from exumob.support.quantities import STEP
+from exumob.support.quantities import STEP, Quantity
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics, SpinUpHydrodynamics
 
 logger = logging.getLogger(__name__)
+
+INITIAL_SPEED = Quantity("m/s", at_least=-100.0, at_most=100.0, plausible=(-30.0, 30.0))
+"""Speed of the vehicle at time 0"""
 
 
 @checked
@@ -55,6 +58,7 @@ def simulate(  # one argument a part of the run; all but two have defaults
     macro_step: Annotated[float | None, STEP] = None,
     record_step: Annotated[float, STEP] = RECORD_STEP,
     terrain: Terrain | None = None,
+    initial_speed: Annotated[float | None, INITIAL_SPEED] = None,
     coupling: Coupling | None = None,
     checkpoint: str | Path | None = None,
     resume: bool = False,
@@ -87,6 +91,9 @@ def simulate(  # one argument a part of the run; all but two have defaults
         Interval of the result [s]; a whole multiple of `micro_step`.
     terrain : Terrain, optional
         Default: flat at z = 0.
+    initial_speed : float, optional
+        Speed at time 0 along the heading [m/s]. Default: the vehicle rolls as its wheels turn when the maneuver begins
+        (``LaneChange(start_speed=10.0)``), so it is at rest if they are. Not with a flow solver in the loop.
     coupling : Coupling, optional
         How vehicle and water agree within a macro step. Default: `SemiImplicit` for a flow code, `Explicit` (the
         paper's) for models that take account of added mass themselves.
@@ -130,9 +137,12 @@ def simulate(  # one argument a part of the run; all but two have defaults
             "terrain."
         )
     commands = check_maneuver(vehicle, maneuver, duration)
+    rolling = maneuver.wheel_speed(0.0)[0] * vehicle.wheel.radius
+    speed = rolling if initial_speed is None else initial_speed
+    check_initial_speed(speed, rolling, in_loop)
     run = RunDescription(
         vehicle, soil, water, terrain, maneuver, hydrodynamics,
-        (SemiImplicit() if in_loop else Explicit()) if coupling is None else coupling, steps,
+        (SemiImplicit() if in_loop else Explicit()) if coupling is None else coupling, steps, speed,
     )  # fmt: skip
     prepare(run, commands, None if checkpoint is None else Path(checkpoint))
     store = None
@@ -220,7 +230,28 @@ def _settle(model: MultibodyVehicle, run: RunDescription, store: Checkpoints | N
         hydrodynamics.run_spin_up(run.vehicle, run.water, run.steps.macro_step, settle, keep, begun)
         return
     hydrodynamics.start(run.vehicle, run.water, SETTLING_STEP)
-    model.settle(lambda states: checked_wrenches(hydrodynamics, states, lambda: states))
+    _say_start(
+        run, model.settle(lambda states: checked_wrenches(hydrodynamics, states, lambda: states), run.initial_speed)
+    )
+
+
+def _say_start(run: RunDescription, start: Start) -> None:
+    """Warn of a vehicle that does not stand where it starts."""
+    name, speed = run.vehicle.name, start.speed
+    if start.kind == "creeping":
+        logger.warning(
+            "%s: the soil holds the vehicle only by creep (about %.1f mm/s); it is released as it creeps.", name,
+            1e3 * speed,
+        )  # fmt: skip
+    elif start.kind == "sliding":
+        logger.warning(
+            "%s: soil and water do not hold the vehicle; it is released at rest and moves off at once.", name
+        )
+    elif start.kind == "out of balance":
+        logger.warning(
+            "%s: no equilibrium of height and attitude was found (%.2g m/s^2 are left); it is released all the same. "
+            "Look at its first second with care.", name, start.acceleration,
+        )  # fmt: skip
 
 
 def _keep(store: Checkpoints | None, model: MultibodyVehicle, run: RunDescription) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, Tread
-from exumob.flow.cost import flow_cost, require_room
+from exumob.flow.cost import FlowCost, flow_cost, require_room
 from exumob.flow.grid import CELL_SIZE
 from exumob.flow.resolution import checked_solids
 from exumob.flow.vehicle_window import vehicle_window
@@ -132,8 +132,9 @@ def captive_run(  # the front door of captive runs: each argument is a choice of
     _warn_of_late_ramp(motion, duration)
     if grid is None:
         grid = vehicle_window(vehicle, cell_size, water, terrain, _way(motion, vehicle, water, duration))
-    _check_cost(grid, settings, _fastest(motion, vehicle, water, duration), vehicle.name, (steps, every, interval))
+    cost = _checked_cost(grid, settings, _fastest(motion, vehicle, water, duration), (steps, every, interval))
     solids = checked_solids(vehicle, grid, steering_range, allow_coarse, tread)
+    announce(f"captive run of {vehicle.name}, {duration:g} s: {cost}.", cost.seconds)
     solver = FlowSolver(grid, solids, water, settings, terrain)
     parameters: dict[str, Any] = {
         "vehicle": vehicle, "water": water, "motion": motion, "grid": grid, "settings": settings,
@@ -204,10 +205,8 @@ def _warn_of_late_ramp(motion: PrescribedMotion, duration: float) -> None:
         )  # fmt: skip
 
 
-def _check_cost(
-    grid: Grid, settings: FlowSettings, speed: float, name: str, numbers: tuple[int, int, float]
-) -> None:  # fmt: skip
-    """Refuse what cannot fit into memory, and say what a long run takes."""
+def _checked_cost(grid: Grid, settings: FlowSettings, speed: float, numbers: tuple[int, int, float]) -> FlowCost:
+    """Estimate what a run takes, and refuse what cannot fit into memory."""
     steps, every, interval = numbers
     require_room("captive_run: the grid", grid)
     cost = flow_cost(
@@ -219,7 +218,7 @@ def _check_cost(
         f"{every * interval:g} s", cost.memory + RECORD_SIZE * steps + surfaces,
         "give larger cells, a shorter duration, or snapshots at longer intervals.",
     )  # fmt: skip
-    announce(f"captive run of {name}, {steps * interval:g} s: {cost}.", cost.seconds)
+    return cost
 
 
 def _fastest(motion: PrescribedMotion, vehicle: Vehicle, water: Water, duration: float) -> float:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -85,7 +85,7 @@ class Case:
     run : callable
         Returns the checks. Its parameters have defaults, with which the limits were set.
     minutes : float
-        Wall time on one core, roughly.
+        Wall time on one core, roughly, without compiling.
     slow : bool
         Left out unless asked for.
     figure : callable, optional
@@ -109,6 +109,19 @@ class Case:
         """Names of the parameters of `run` that may be chosen: "cell_size", "duration" and so on."""
         return tuple(inspect.signature(self.run).parameters)
 
+    def expected_minutes(self, options: Mapping[str, Any]) -> float:
+        """Wall time with other options than the defaults on one core [min], roughly.
+
+        Work grows with the number of cells and of steps: with the third to fourth power of one over the cell size.
+        """
+        usual = {name: p.default for name, p in inspect.signature(self.run).parameters.items()}
+        minutes = self.minutes
+        for name, power in (("cell_size", -3.5), ("duration", 1.0), ("interval", -1.0)):
+            default = usual.get(name)
+            if name in options and isinstance(default, int | float) and default > 0.0:
+                minutes *= (options[name] / default) ** power
+        return minutes
+
     def require_options(self, names: Iterable[str]) -> None:
         """Refuse parameters that the case does not have.
 
@@ -118,5 +131,7 @@ class Case:
             Naming them and those that it has.
         """
         if unknown := [name for name in names if name not in self.options]:
-            known = ", ".join(self.options) or "none"
-            raise ValueError(f"the case {self.name} has no option {', '.join(unknown)}; it has {known}.")
+            wrong, known = (
+                ", ".join(f"--{name.replace('_', '-')}" for name in part) for part in (unknown, self.options)
+            )
+            raise ValueError(f"the case {self.name} has no option {wrong}; it has {known or 'none'}, so leave it out.")

@@ -84,7 +84,8 @@ class SteadyWave:
         found = root(equations, [*eta, *(current * k * j / np.tanh(k * j)), c, c, 0.5 * c**2 + 1.0], tol=1e-12)
         if not np.abs(equations(found.x)).max() < 1e-9:
             raise ValueError(
-                f"SteadyWave.solve: no wave of height {height} m, length {length} m in {depth} m of water."
+                f"SteadyWave.solve: no wave of height {height} m, length {length} m in {depth} m of water; "
+                "waves break at 0.14 of their length or 0.8 of the depth, so give a lower one."
             )
         eta, b, c = found.x[: n + 1], found.x[n + 1 : -3], float(found.x[-3])
         level = np.array([mean @ eta, *(2.0 * (mean * eta) @ np.cos(phase))])

@@ -81,9 +81,9 @@ def test_flow_that_stops_hands_over_its_state_before_the_failed_step():
     solver.start()
     solver.advance(0.01)
     before = solver.save()
-    fast = np.zeros((10, 10, 21))
-    fast[4:6, 2:4, 8:12] = np.nan
-    solver.set_flow(velocity=(fast, np.zeros((11, 10, 20)), np.zeros((10, 11, 20))))
+    broken = solver.save()
+    broken["u"][6:8, 4:6, 10:14] = np.nan
+    solver.restore(broken)
     with pytest.raises(SimulationError, match=r"SimulationError\.state") as caught:
         solver.advance(0.02)
     assert caught.value.state["time"] == before["time"]
@@ -105,3 +105,15 @@ def test_bad_input_names_the_remedy():
         solver.start(Poses.at_rest([[0.0, 0.0, -0.05]]))
     with pytest.raises(ValueError, match="follow"):
         FlowSettings(follow=0, far_x=False)
+
+
+def test_the_flow_given_by_hand_is_checked():
+    solver = FlowSolver(Grid.uniform((0, 0, 0), (1.0, 1.0, 0.4), 0.1), (), Water(0.12), FlowSettings(follow=None))
+    with pytest.raises(ValueError, match=r"set_flow\.fraction has shape \(3,\)"):
+        solver.set_flow(np.zeros(3))
+    with pytest.raises(ValueError, match=r"set_flow\.fraction goes from 2 to 2; .* 0 \(air\) to 1"):
+        solver.set_flow(np.full((10, 4, 10), 2.0))
+    with pytest.raises(ValueError, match=r"set_flow\.velocity must be three arrays"):
+        solver.set_flow(velocity=(np.zeros((10, 4, 11)),))
+    with pytest.raises(ValueError, match=r"FlowSolver\.advance: call start"):
+        solver.advance(0.1)

@@ -89,18 +89,22 @@ def test_soils_states_the_values_of_the_source():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--depth-ratio", "-1"], "depth_ratio"),
-        (["--current", "-1"], "current_speed"),
-        (["--current", "nan"], "current_speed"),
+        (["--depth-ratio", "-1"], r"^--depth-ratio = -1"),
+        (["--current", "-1"], r"^--current = -1.*--current-direction"),
+        (["--current", "nan"], r"^--current = nan"),
         (["--steering", "40", "--duration", "4"], r"40\.0 deg.*35\.0 deg"),
-        (["--wheel-speed", "nan"], "speed"),
+        (["--wheel-speed", "nan"], r"^--wheel-speed = nan"),
         (["--soil", "LETE snad"], "LETE sand"),
         (["--hydrodynamics", "cfd2"], "hydrodynamics"),
         (["--vehicle", "absent.py"], r"absent\.py does not exist"),
         (["--duration", "-1"], "duration"),
-        (["--duration", "nan"], "duration"),
-        (["--micro-step", "3e-4"], "micro_step"),
-        (["--macro-step", "3e-3"], "macro_step"),
+        (["--duration", "nan"], r"^--duration = nan"),
+        (["--duration", "1e6"], r"--duration = 1e\+06 s.*GiB of memory.*give a --duration of .* s or less"),
+        (["--steering", "100"], r"^--steering 100 must be -80 to 80 degrees"),
+        (["--current-direction", "3000"], r"^--current-direction 3000 must be -360 to 360 degrees"),
+        (["--resume"], r"^--resume: .* without --checkpoint"),
+        (["--micro-step", "3e-4"], r"--micro-step = 0\.0003 s"),
+        (["--macro-step", "3e-3"], r"of --macro-step = 0\.003 s"),
         (["--output", "absent/run.nc"], r"--output absent/run\.nc.*does not exist.*create"),
         (["--figure", "absent/run.png"], r"--figure absent/run\.png.*does not exist"),
         (["--animate", "absent/run.gif"], r"--animate absent/run\.gif.*does not exist"),
@@ -144,7 +148,10 @@ def test_unusable_vehicle_file_is_said_with_exit_code_2(text, tmp_path):
 def test_cells_too_coarse_are_said_with_exit_code_2():
     answer = call("lane-change", "--hydrodynamics", "cfd", "--cell-size", "0.05", "--duration", "0.1")
     assert answer.exit_code == 2
-    assert "use a cell size of 0.0115 m or less" in plain(answer.output)
+    assert "a wheel's width of 80.0 mm" in plain(answer.output)
+    assert re.search(
+        r"use a cell size of 0\.02 m or less \(about .* cells, .* GiB of memory, .*--coarse", plain(answer.output)
+    )
 
 
 @pytest.mark.parametrize("model, extra, word", [

@@ -60,14 +60,23 @@ def test_bad_step_or_duration_is_named(vehicle, sand, field, value):
     [
         (
             {"micro_step": 3e-4, "macro_step": 3e-3},
-            r"history step of 1 ms .*whole multiple of micro_step = 0\.0003 s; choose",
+            r"simulate\.micro_step = 0\.0003 s must divide 1 ms.*; choose",
         ),
-        ({"micro_step": 2e-3}, r"history step of 1 ms .*micro_step = 0\.002 s; choose"),
-        ({"micro_step": 5e-4, "macro_step": 1.2e-3}, r"macro_step \(0\.0012 s\).*micro_step = 0\.0005 s; choose"),
-        ({"micro_step": 5e-4, "macro_step": 2e-4}, r"macro_step \(0\.0002 s\).*micro_step = 0\.0005 s; choose"),
-        ({"micro_step": 5e-4, "record_step": 1.3e-3}, r"record_step \(0\.0013 s\).*micro_step = 0\.0005 s; choose"),
-        ({"duration": 0.25, "macro_step": 20e-3}, r"duration \(0\.25 s\).*macro_step = 0\.02 s; choose"),
-        ({"duration": 0.01, "macro_step": 20e-3}, r"duration \(0\.01 s\).*macro_step = 0\.02 s; choose"),
+        ({"micro_step": 2e-3}, r"simulate\.micro_step = 0\.002 s must divide 1 ms.*; choose"),
+        (
+            {"micro_step": 5e-4, "macro_step": 1.2e-3},
+            r"simulate\.macro_step = 0\.0012 s .* micro_step = 0\.0005 s",
+        ),
+        (
+            {"micro_step": 5e-4, "macro_step": 2e-4},
+            r"simulate\.macro_step = 0\.0002 s .* micro_step = 0\.0005 s",
+        ),
+        (
+            {"micro_step": 5e-4, "record_step": 1.3e-3},
+            r"simulate\.record_step = 0\.0013 s .* micro_step = 0\.0005 s",
+        ),
+        ({"duration": 0.25, "macro_step": 20e-3}, r"simulate\.duration = 0\.25 s .*macro_step = 0\.02 s; choose"),
+        ({"duration": 0.01, "macro_step": 20e-3}, r"simulate\.duration = 0\.01 s .*macro_step = 0\.02 s; choose"),
     ],
 )
 def test_steps_must_be_whole_multiples(vehicle, sand, steps, message):
@@ -94,19 +103,18 @@ def test_a_peak_between_coarse_samples_is_seen(vehicle, sand):
 @pytest.mark.parametrize(
     ("maneuver", "message"),
     [
-        (Given(wheel_speed=lambda t: (10.0, 0.0, 0.0)), r"wheel speed 10 rad/s; it must start at rest.*Ramp"),
-        (Given(wheel_speed=lambda t: (10.0 * t, 10.0, 0.0)), r"must start at rest.*zero rates"),
+        (Given(wheel_speed=lambda t: (10.0 * t, 10.0, 0.0)), r"speed up by 10 rad/s\^2; .*steadily.*Ramp"),
         (
             Given(steering=lambda t: (0.1, 0.0, 0.0)),
-            r"starts with steering 0\.1 rad.*must start at rest, straight ahead",
+            r"starts with steering 0\.1 rad.*must start straight ahead",
         ),
-        (Given(steering=lambda t: (0.1 * t, 0.1, 0.0)), r"must start at rest.*zero rates"),
+        (Given(steering=lambda t: (0.1 * t, 0.1, 0.0)), r"its rate 0\.1 rad/s.*must start straight ahead"),
         (Recorded([0, 1, 2, 3], [0.1, 0, 0, 0], [0, 1, 2, 3]), r"starts with steering 0\.1 rad"),
         (Given(steering=lambda t: (math.nan if t > 0.1 else 0.0, 0.0, 0.0)), r"maneuver: .*not finite.*mend"),
         (Given(wheel_speed=lambda t: (0.0, 0.0, math.inf if t > 0.1 else 0.0)), r"maneuver: .*not finite"),
     ],
 )
-def test_maneuver_must_start_at_rest_and_be_finite(vehicle, sand, maneuver, message):
+def test_maneuver_must_start_steadily_and_be_finite(vehicle, sand, maneuver, message):
     with pytest.raises(ValueError, match=message):
         simulate(vehicle, sand, None, maneuver, **STEPS)
 

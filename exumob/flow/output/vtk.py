@@ -15,16 +15,19 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from exumob.flow.grid import HALO
+from exumob.flow.grid import HALO, Grid
 from exumob.flow.output.snapshots import in_grid_axes, surface_elevation
 from exumob.flow.output.vehicle_surface import body_triangles, placed
 from exumob.flow.poses import Poses
 from exumob.flow.solver import FlowSolver
 from exumob.support.arrays import Array
+from exumob.support.cost import require_disk
 from exumob.support.declared import checked
 from exumob.support.files import atomic_write
 from exumob.vehicle.parameters import Vehicle
 
+BYTES_PER_CELL = 24.0
+"""Size of the fields of one instant, before they are compressed [bytes]."""
 TYPES = {"f4": "Float32", "f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
 Fields = Mapping[str, np.ndarray]
 
@@ -60,6 +63,26 @@ class VtkSeries:
         self._triangles = body_triangles(vehicle)
         self._entries: list[str] = []
         self._count = 0
+
+    def require_room(self, grid: Grid, instants: int) -> None:
+        """Refuse what cannot fit on the disk.
+
+        Parameters
+        ----------
+        grid : Grid
+        instants : int
+            How many there will be.
+
+        Raises
+        ------
+        ValueError
+            If the files would be larger than what is free there.
+        """
+        require_disk(
+            f"VtkSeries.folder = {self.folder}: {instants:,} instants of {grid.n_cells:,} cells",
+            BYTES_PER_CELL * grid.n_cells * instants, self.folder.parent,
+            "free some, give larger cells, or keep fewer instants.",
+        )  # fmt: skip
 
     def add(self, solver: FlowSolver, poses: Poses) -> None:
         """Write an instant, and the list of all up to now."""

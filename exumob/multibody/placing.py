@@ -1,0 +1,55 @@
+"""Laying the vehicle on its four contacts, wherever on a terrain it starts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exumob.ground.terrain import Terrain
+from exumob.support.arrays import Array
+from exumob.vehicle.parameters import Vehicle
+
+ROUNDS = 50
+"""Most rounds of fitting the pose to the ground under the wheels."""
+
+
+def standing_pose(vehicle: Vehicle, terrain: Terrain) -> tuple[Array, Array]:
+    """Return the pose of the design frame in which the vehicle, as it is at ride height, lies on the terrain.
+
+    The frame lies over the world's origin and heads along world x. Its height, pitch and roll are those of the plane
+    that fits the ground under the four wheel centres best (least squares); then it is raised until no tyre reaches
+    below the surface. On a plane all four touch; elsewhere the springs do the rest while the vehicle settles.
+
+    Returns
+    -------
+    position : array, shape (3,)
+        Origin of the design frame, world axes [m].
+    rotation : array, shape (3, 3)
+        Rotation matrix, design frame to world.
+    """
+    height, normal = terrain.height_and_normal(0.0, 0.0)
+    slopes = -normal[:2] / normal[2]
+    for _ in range(ROUNDS):
+        rotation = _frame_on(slopes)
+        centers = np.array([0.0, 0.0, height]) + vehicle.wheel_centers @ rotation.T
+        gaps = np.array([_above_contact(vehicle.wheel.radius, terrain, center) for center in centers])
+        fit = np.column_stack([np.ones(4), centers[:, :2]])
+        raised, *turned = np.linalg.lstsq(fit, -gaps, rcond=None)[0]
+        if max(abs(raised), *np.abs(turned)) < 1e-12:
+            break
+        height, slopes = height + raised, np.clip(slopes + turned, -2.0, 2.0)
+    return np.array([0.0, 0.0, height - min(gaps.min(), 0.0)]), rotation
+
+
+def _above_contact(radius: float, terrain: Terrain, center: Array) -> float:
+    """Height of a wheel centre above the one at which its tyre just touches [m]."""
+    ground, normal = terrain.height_and_normal(center[0], center[1])
+    return float(center[2] - ground - radius / normal[2])
+
+
+def _frame_on(slopes: Array) -> Array:
+    """Rotation matrix whose z axis is the normal of a plane of these slopes, and whose x axis points along world x."""
+    normal = np.array([-slopes[0], -slopes[1], 1.0])
+    normal /= np.linalg.norm(normal)
+    left = np.cross(normal, [1.0, 0.0, 0.0])
+    left /= np.linalg.norm(left)
+    return np.column_stack([np.cross(left, normal), left, normal])

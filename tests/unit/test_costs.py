@@ -1,0 +1,296 @@
+"""What a run takes is estimated and said before it begins, and refused where it cannot fit; nothing is allocated."""
+
+import logging
+import math
+import tracemalloc
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from exumob.coupling.flow_code import BuiltInFlow
+from exumob.coupling.flow_in_loop import CfdHydrodynamics
+from exumob.coupling.strong import Strong
+from exumob.driving.maneuver import ConstantSteer, lane_change
+from exumob.driving.path_following import PathFollowing
+from exumob.flow import FlowSettings, FlowSolver, Grid, mesh_solid
+from exumob.flow.cost import flow_cost
+from exumob.flow.output.vtk import VtkSeries
+from exumob.flow.resolution import check_resolution
+from exumob.flow.vehicle_window import vehicle_window
+from exumob.simulation.run import simulate
+from exumob.support import compiled, cost
+from exumob.towing_tank import captive_run
+from exumob.water.conditions import Water
+from vehicle_models.amphibious import amphibious_vehicle
+
+VEHICLE = amphibious_vehicle()
+WATER = Water(0.12, 1.0)
+GIB = 2.0**30
+
+
+@pytest.fixture
+def eight_gib(monkeypatch):
+    """A machine with 8 GiB and two cores."""
+    monkeypatch.setattr(cost, "memory_limit", lambda: 8.0 * GIB)
+    monkeypatch.setattr("exumob.flow.grid.memory_limit", lambda: 8.0 * GIB)
+    monkeypatch.setattr("exumob.simulation.cost.memory_limit", lambda: 8.0 * GIB)
+
+
+def refused(call, *words):
+    """The message with which a call is refused."""
+    with pytest.raises(ValueError) as error:
+        call()
+    for word in words:
+        assert word in str(error.value), str(error.value)
+    return str(error.value)
+
+
+# -- memory ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("eight_gib")
+@pytest.mark.parametrize("cell_size", [3e-3, 1e-3, 1e-4, 1e-6])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda size: vehicle_window(VEHICLE, size, WATER),
+        lambda size: captive_run(VEHICLE, WATER, cell_size=size),
+        lambda size: BuiltInFlow(size).cost(VEHICLE, WATER, 1.0, 1.0, 1e-3),
+    ],
+    ids=["window", "captive run", "flow in the loop"],
+)
+def test_cells_that_cannot_fit_are_refused_with_the_size_that_fits(make, cell_size):
+    message = refused(lambda: make(cell_size), f"cell_size = {cell_size:g} m", "GiB of memory", "8 GiB", "would fit")
+    fitting = float(message.split("cells of ")[1].split(" m")[0])
+    assert vehicle_window(VEHICLE, fitting, WATER).n_cells < 8.0 * GIB / 490.0
+    assert vehicle_window(VEHICLE, fitting, WATER).cells_with(0.9 * fitting) > 8.0 * GIB / 490.0
+
+
+@pytest.mark.parametrize("cell_size", [1e-3, 1e-6])
+def test_the_refusal_itself_takes_no_memory(cell_size):
+    tracemalloc.start()
+    with pytest.raises(ValueError, match="of memory"):
+        vehicle_window(VEHICLE, cell_size, WATER)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 5e6
+
+
+@pytest.mark.usefixtures("eight_gib")
+@pytest.mark.parametrize(
+    ("call", "word"),
+    [
+        (lambda: Grid.uniform((0, 0, 0), (1, 1, 1), 1e-5), "Grid.uniform.cell_size"),
+        (lambda: Grid.stretched((0, 0, 0), (1, 1, 1), (-9, -9, 0), (9, 9, 2), 1e-5), "Grid.stretched.cell_size"),
+        (lambda: FlowSolver(Grid.uniform((0, 0, 0), (1, 1, 1), 0.003), (), WATER), "FlowSolver"),
+        (lambda: captive_run(VEHICLE, WATER, duration=1e6), "duration = 1e+06 s"),
+        (lambda: captive_run(VEHICLE, WATER, duration=1.0, interval=1e-7), "interval = 1e-07 s"),
+        (lambda: captive_run(VEHICLE, WATER, duration=2e3, interval=0.1, snapshots=0.1, cell_size=4.5e-3), "snapshots"),
+        (lambda: mesh_solid(np.array(TETRAHEDRON), 1e-5), "mesh_solid: spacing = 1e-05 m"),
+    ],
+    ids=lambda v: v if isinstance(v, str) else "",
+)
+def test_what_cannot_fit_is_refused_by_name(call, word):
+    refused(call, word, "of memory", "8 GiB")
+
+
+TETRAHEDRON = [
+    [(0, 0, 0), (0, 1, 0), (1, 0, 0)], [(0, 0, 0), (1, 0, 0), (0, 0, 1)],
+    [(0, 0, 0), (0, 0, 1), (0, 1, 0)], [(1, 0, 0), (0, 1, 0), (0, 0, 1)],
+]  # fmt: skip
+
+
+@pytest.mark.usefixtures("eight_gib")
+@pytest.mark.parametrize("steps", [{"duration": 1e6}, {"duration": 10.0, "record_step": 1e-6, "micro_step": 1e-6}])
+def test_records_that_cannot_fit_are_refused_with_what_fits(sand, steps):
+    message = refused(lambda: simulate(VEHICLE, sand, **steps), "duration = ", "record_step = ", "8 GiB")
+    fitting = float(message.split("give a duration of ")[1].split(" s")[0])
+    assert 0.0 < fitting < steps["duration"]
+
+
+def test_limits_of_control_groups_count(tmp_path, monkeypatch):
+    """Containers and batch systems give less than the machine has."""
+    monkeypatch.setattr(cost, "CONTROL_GROUPS", tmp_path)
+    places = [line.split(":", 2)[2].lstrip("/") for line in Path("/proc/self/cgroup").read_text().splitlines()]
+    folder = tmp_path / places[-1]
+    folder.mkdir(parents=True, exist_ok=True)
+    (tmp_path / "memory.max").write_text("1000000\n")
+    (folder / "memory.max").write_text("2000000\n" if folder != tmp_path else "1000000\n")
+    if any(line.startswith("0::") for line in Path("/proc/self/cgroup").read_text().splitlines()):
+        assert cost.memory_limit() == 1e6
+    monkeypatch.setattr(cost, "CONTROL_GROUPS", tmp_path / "absent")
+    assert 1e8 < cost.memory_limit() < math.inf
+
+
+def test_disks_that_cannot_hold_it(tmp_path, sand):
+    grid = vehicle_window(VEHICLE, 0.018, WATER)
+    series = VtkSeries(tmp_path / "fields", VEHICLE)
+    series.require_room(grid, 10)
+    with pytest.raises(ValueError, match=r"fields: 1,000,000,000 instants of 407,484 cells: up to .* GiB on"):
+        series.require_room(grid, 10**9)
+    assert not (tmp_path / "fields").exists()
+
+
+# -- time --------------------------------------------------------------------------------------------------------------
+
+
+def test_steps_follow_the_courant_number():
+    """Halving the cells doubles the steps once the Courant number decides, and the threads share the work."""
+    coarse, fine = (flow_cost(1e6, size, 2.0, 1.0, 1e-3, 0.4) for size in (4e-3, 2e-3))
+    assert (coarse.steps, fine.steps) == (4000, 7000)
+    assert flow_cost(1e6, 0.02, 2.0, 1.0, 1e-3, 0.4).steps == 1000
+    assert flow_cost(1e6, 0.02, 2.0, 1.0, 1e-3, 0.4, threads=2).seconds == pytest.approx(180.0)
+    assert coarse.memory == pytest.approx(490e6)
+    assert "1,000,000 cells, 0.46 GiB of memory, 4,000 steps" in str(coarse)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(0.2, "1 s"), (59.0, "59 s"), (90.0, "1.5 min"), (5400.0, "1.5 h"), (2e5, "2.3 days"), (1e10, "317 years")],
+)
+def test_times_in_words(seconds, words):
+    assert cost.spelled_time(seconds) == words
+
+
+@pytest.mark.parametrize(("seconds", "level"), [(1.0, None), (30.0, "INFO"), (3600.0, "WARNING")])
+def test_long_runs_are_said_and_short_ones_are_not(caplog, seconds, level):
+    with caplog.at_level(logging.INFO, "exumob.support.cost"):
+        cost.announce("8 s of flow", seconds)
+    assert [record.levelname for record in caplog.records] == ([level] if level else [])
+
+
+class Stopped(Exception):
+    """Raised in place of what takes long."""
+
+
+@pytest.fixture
+def nothing_is_computed(monkeypatch):
+    def stop(*arguments, **options):
+        raise Stopped
+
+    monkeypatch.setattr("exumob.simulation.run.MultibodyVehicle", stop)
+    monkeypatch.setattr("exumob.towing_tank.run.FlowSolver", stop)
+
+
+@pytest.mark.usefixtures("nothing_is_computed")
+def test_a_long_captive_run_says_what_it_takes(caplog):
+    with caplog.at_level(logging.INFO, "exumob.support.cost"), pytest.raises(Stopped):
+        captive_run(VEHICLE, WATER, duration=8.0)
+    (said,) = [r.message for r in caplog.records if r.name == "exumob.support.cost"]
+    assert "captive run of amphibious, 8 s: 407,484 cells, 0.19 GiB of memory, 8,000 steps" in said
+    assert "min on 1 thread" in said
+
+
+@pytest.mark.usefixtures("nothing_is_computed")
+@pytest.mark.parametrize(("scheme", "words"), [(None, "min"), (Strong(), "h")])
+def test_the_flow_in_the_loop_says_what_it_takes(caplog, sand, scheme, words):
+    model = CfdHydrodynamics(cell_size=0.018, allow_coarse=True)
+    with caplog.at_level(logging.INFO, "exumob.support.cost"), pytest.raises(Stopped):
+        simulate(VEHICLE, sand, WATER, lane_change(), model, coupling=scheme)
+    (said,) = [r.message for r in caplog.records if r.name == "exumob.support.cost"]
+    assert "16,000 steps of the vehicle, 407,484 cells" in said
+    assert f" {words}, if no other program" in said
+
+
+@pytest.mark.usefixtures("nothing_is_computed")
+def test_a_short_run_says_nothing(caplog, sand):
+    with caplog.at_level(logging.INFO, "exumob.support.cost"), pytest.raises(Stopped):
+        simulate(VEHICLE, sand, WATER, lane_change(), "coefficients")
+    assert "exumob.support.cost" not in [r.name for r in caplog.records]
+
+
+# -- cells asked for ---------------------------------------------------------------------------------------------------
+
+
+def test_advice_on_cells_says_what_they_take():
+    with pytest.raises(ValueError, match=r"use a cell size of 0\.02 m or less \(about 3\.3e\+05 cells, 0\.15 GiB") as e:
+        check_resolution(VEHICLE, vehicle_window(VEHICLE, 0.03, WATER))
+    assert "min for a second at 1 m/s on one thread" in str(e.value)
+
+
+def test_cells_for_a_narrow_gap_are_no_advice():
+    """The gap must be opened; what else is too coarse asks for cells of its own."""
+    narrow = replace(VEHICLE, track=0.5202)
+    with pytest.raises(ValueError, match=r"cells of 5e-05 m for the gap .* too much for this machine") as e:
+        check_resolution(narrow, vehicle_window(narrow, 0.03, WATER))
+    assert "make it wider (Vehicle.track, Hull.width, wheel arches in Hull.mesh)" in str(e.value)
+    assert "use a cell size of 0.02 m or less for the rest" in str(e.value)
+
+
+@pytest.mark.usefixtures("nothing_is_computed")
+@pytest.mark.parametrize(
+    "maneuver",
+    [
+        ConstantSteer(),
+        lane_change(0.0),
+        lane_change(math.radians(8.0)),
+        PathFollowing(((0.0, 0.0), (5.0, 0.0)), max_steering=math.radians(8.0)),
+    ],
+    ids=["straight", "no steering", "8 degrees", "path"],
+)
+def test_the_flow_is_asked_for_the_maneuvers_angles(sand, maneuver):
+    """18 mm cells have two in the gap at small angles, and not at the limit of 35 degrees."""
+    with pytest.raises(Stopped):
+        simulate(VEHICLE, sand, WATER, maneuver, CfdHydrodynamics(cell_size=0.018))
+
+
+@pytest.mark.usefixtures("nothing_is_computed")
+@pytest.mark.parametrize(
+    ("maneuver", "angle"),
+    [
+        (lane_change(math.radians(-30.0)), "30"),
+        (PathFollowing(((0.0, 0.0), (5.0, 0.0)), max_steering=math.radians(30.0)), "30"),
+    ],
+)
+def test_the_flow_refuses_angles_that_its_cells_cannot_take(sand, maneuver, angle):
+    with pytest.raises(ValueError, match=rf"steered -?{angle} deg of 28\.\d mm has 1\.6 cells"):
+        simulate(VEHICLE, sand, WATER, maneuver, CfdHydrodynamics(cell_size=0.018))
+
+
+def test_without_a_maneuver_the_limit_counts():
+    with pytest.raises(ValueError, match=r"steered -?35 deg"):
+        BuiltInFlow(0.018, settings=FlowSettings()).cost(VEHICLE, WATER, 1.0, 1.0, 1e-3)
+
+
+# -- compilation -------------------------------------------------------------------------------------------------------
+
+
+class Kernel:
+    """A kernel of Numba as far as its cache goes."""
+
+    def __init__(self, folder, signatures=()):
+        self.signatures, self.stats, self.py_func = list(signatures), self, refused
+        self.cache_path = folder
+
+
+def test_kernels_that_are_kept_are_told_from_those_that_are_not(tmp_path):
+    assert compiled.is_compiled(refused)  # plain Python
+    assert not compiled.is_compiled(Kernel(str(tmp_path)))
+    assert not compiled.is_compiled(Kernel(None))
+    assert compiled.is_compiled(Kernel(str(tmp_path), ["float64"]))
+    (tmp_path / "test_costs.refused-40.py311.nbi").write_text("")
+    assert compiled.is_compiled(Kernel(str(tmp_path)))
+
+
+def test_compilation_is_said_once(tmp_path, caplog, monkeypatch):
+    monkeypatch.setattr(compiled, "_said", set())
+    for _ in range(2):
+        compiled.say_compilation("the flow solver", Kernel(str(tmp_path)), "two minutes")
+        compiled.say_compilation("the vehicle model", Kernel(str(tmp_path), ["float64"]), "half a minute")
+    assert [r.message for r in caplog.records] == [
+        "the flow solver is compiled first, which takes two minutes; what is compiled is kept, "
+        "later runs start at once."
+    ]
+
+
+def test_training_takes_as_long_as_measured():
+    """Three minutes a seed for the paper's LSTMs, ten seconds for the others; nine runs of 8 s."""
+    presets = pytest.importorskip("exumob.learning.presets").PRESETS
+    from exumob.learning.cost import training_time
+
+    runs = {str(n): xr.Dataset(coords={"time": [0.0, 8.0]}) for n in range(9)}
+    assert training_time([presets["paper-lstm"]], runs, 1) == pytest.approx(180.0)
+    assert training_time([presets["residual"]], runs, 5) == pytest.approx(50.0)
