@@ -258,6 +258,8 @@ def _departures(run: RunDescription, out_of_range: float | None, fallback: float
         yield Departure("soil", (own or "of your own",), table["soil"])
     yield from _vehicle_departures(run.vehicle, table["vehicle"])
     yield from _maneuver_departures(run, rows, table)
+    if abs(run.initial_speed) > 1e-6:
+        yield Departure("initial speed", (run.initial_speed,), "0", "m/s")
     if in_loop:
         code = getattr(model, "flow", None)
         size = float(getattr(code, "cell_size", math.nan))

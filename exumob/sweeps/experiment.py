@@ -216,8 +216,9 @@ class Experiment:
         steps = Steps(
             self.duration, self.micro_step or usual_micro_step, self.macro_step or usual_macro_step, self.record_step
         )
+        rolling = self.maneuver.wheel_speed(0.0)[0] * self.vehicle.wheel.radius
         return RunDescription(
-            self.vehicle, self.soil, self.water, Terrain(), self.maneuver, hydrodynamics, Explicit(), steps
+            self.vehicle, self.soil, self.water, Terrain(), self.maneuver, hydrodynamics, Explicit(), steps, rolling
         )
 
     def trust(self, cases: Sequence[Mapping[str, Any]]) -> dict[str, str | float]:

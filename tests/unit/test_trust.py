@@ -36,7 +36,7 @@ OTHER = load_vehicle(ROOT / "vehicle_models" / "light_4x4.py")
 NETWORKS = SurrogateHydrodynamics()
 RUN = RunDescription(
     CAR, Soil.published("LETE sand"), Water.at_ratio(0.6, 1.0), Terrain(), lane_change(), NETWORKS, Explicit(),
-    Steps(8.0, 5e-4, 20e-3, 1e-2),
+    Steps(8.0, 5e-4, 20e-3, 1e-2), 0.0,
 )  # fmt: skip
 COEFFICIENTS = replace(RUN, hydrodynamics=CoefficientHydrodynamics())
 STRAIGHT = replace(RUN, maneuver=ConstantSteer(), steps=replace(RUN.steps, duration=4.0))
@@ -114,6 +114,7 @@ FINE_HULL = replace(CAR, hull=replace(CAR.hull, mass=60.0))
         ({"maneuver": ConstantSteer(angle=0.3)}, "constant steering 17.2 deg (0 deg)"),
         ({"maneuver": PathFollowing()}, "maneuver PathFollowing (lane change, straight ahead)"),
         ({"maneuver": Recorded([0, 1, 2, 3], np.zeros(4), [0, 1, 2, 3])}, "maneuver Recorded"),
+        ({"initial_speed": 1.0}, "initial speed 1 m/s (0 m/s)"),
         ({"steps": replace(RUN.steps, duration=20.0)}, "duration 20 s (8 s)"),
         ({"steps": replace(RUN.steps, duration=0.2)}, "duration 0.2 s (8 s)"),
         ({"steps": replace(RUN.steps, macro_step=0.05)}, "macro step 50 ms (20 ms)"),
