@@ -13,6 +13,7 @@ from common import save, study_parser
 
 from exumob import Soil, Water, lane_change, simulate, summary
 from exumob.simulation.plotting import compare_runs
+from exumob.simulation.summary import FIGURES
 from vehicle_models.amphibious import amphibious_vehicle
 
 SCENARIOS = {
@@ -36,7 +37,11 @@ def main(quick: bool = False) -> xr.Dataset:
         save({"lane_change.png": compare_runs(runs)})
     table = [summary(run) for run in runs.values()]
     return xr.Dataset(
-        {name: ("scenario", [row[name] for row in table]) for name in table[0]}, coords={"scenario": list(runs)}
+        {
+            name: ("scenario", [row[name] for row in table], {"units": FIGURES[name][0], "long_name": FIGURES[name][1]})
+            for name in table[0]
+        },
+        coords={"scenario": list(runs)},
     )
 
 

@@ -25,7 +25,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 import xarray as xr
 
-from exumob.support.arrays import Array
+from exumob.support.arrays import Array, checked_array
 from exumob.support.declared import Declared
 from exumob.support.errors import SimulationError
 from exumob.vehicle.motion import BodyStates
@@ -118,10 +118,15 @@ def checked_wrenches(
     Raises
     ------
     SimulationError
-        If the answer has another shape or is not finite.
+        If the answer has another shape, is not finite, or is no array of numbers.
     """
-    wrenches = np.asarray(hydrodynamics.wrenches(history, predict))
+    wrenches = hydrodynamics.wrenches(history, predict)
     name, time, expected = type(hydrodynamics).__name__, history.time[-1], (history.position.shape[1], 6)
+    if type(wrenches) is not np.ndarray or wrenches.dtype != np.float64:  # most are: masks, units, lists ...
+        try:
+            wrenches = checked_array(f"{name}.wrenches", wrenches, ("bodies", 6), finite=False).copy()
+        except ValueError as error:
+            raise SimulationError(f"{error} (at {time:.4f} s)") from None
     if wrenches.shape != expected:
         raise SimulationError(
             f"{name}.wrenches returned shape {wrenches.shape} at {time:.4f} s; it must return {expected}."
@@ -214,6 +219,8 @@ class Trace:
             ("residual", self.residuals, "wrenches of the water less those that the vehicle felt, over the former"),
         ):
             attrs = {"units": "1", "long_name": text}
+            if name == "residual":
+                attrs["comment"] = "nan: the explicit scheme does not ask for it"
             found[name] = xr.DataArray(np.array(values), {"macro_time": time}, ("macro_time",), attrs=attrs)
         return found
 

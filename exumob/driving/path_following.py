@@ -30,6 +30,8 @@ SHARPEST = math.radians(60.0)
 """Largest turn of a path at a waypoint [rad]."""
 REACH = 2.0
 """Length of the path before and behind the last nearest point in which the next one is sought [m]."""
+REMOTE = 10.0
+"""Distance of the path from the start beyond which it is taken for one in other coordinates [m], [wheelbases]."""
 INTEGRAL_LIMIT = math.radians(15.0)
 """Limit of the steering angle that the integral of the distance may ask for [rad] (against wind-up)."""
 
@@ -76,8 +78,9 @@ class PathFollowing(Declared):
     """
 
     waypoints: Annotated[tuple[Point, ...], PLACE] = lane_shift()
-    """World x, y, at least two points; before the first and after the last the path goes straight on. The heading
-    wanted turns from the middle of one piece to the middle of the next: place points so close that a bend is round"""
+    """World x, y, at least two points; a run starts at the origin, near which the path must pass. Before the first and
+    after the last the path goes straight on. The heading wanted turns from the middle of one piece to the middle of the
+    next: place points so close that a bend is round"""
     speed: Annotated[float, WHEEL_SPEED] = 10.0
     """Final wheel speed"""
     ramp_time: Annotated[float, RAMP_TIME] = 1.0
@@ -131,7 +134,26 @@ class PathFollowing(Declared):
 
     def driver(self, vehicle: Vehicle) -> StanleyDriver:
         """Return a driver who follows the path with this vehicle, for one run."""
+        self.check_start(vehicle)
         return StanleyDriver(self)
+
+    def check_start(self, vehicle: Vehicle) -> None:
+        """Refuse a path that is far from where a run of this vehicle starts, at the world's origin.
+
+        Raises
+        ------
+        ValueError
+            If no piece of the path comes near the start.
+        """
+        x, y = (float(place) for place in vehicle.wheel_centers[:2, :2].mean(axis=0))
+        apart, nearest = _Polyline(self.waypoints).distance_of_pieces(x, y)
+        most = REMOTE * max(1.0, vehicle.wheelbase)
+        if apart > most:
+            raise ValueError(
+                f"PathFollowing.waypoints: the path comes no nearer to the front axle at the start, ({x:.3g}, {y:.3g}) "
+                f"m, than {apart:.6g} m, at ({nearest[0]:.9g}, {nearest[1]:.9g}) m; {most:g} m at most. A run starts "
+                "at the world's origin: subtract the place of the start from map coordinates, or begin the path there."
+            )
 
     def deviation(self, run: xr.Dataset, body: str = "hull") -> xr.DataArray:
         """Compute the distance of a body's origin to the left of the path [m], dims (time,)."""
@@ -241,6 +263,14 @@ class _Polyline:
         self.arc = np.concatenate([[0.0], np.cumsum(self.length)])
         self.heading: Array = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
         self.middle = 0.5 * (self.arc[:-1] + self.arc[1:])
+
+    def distance_of_pieces(self, x: float, y: float) -> tuple[float, Array]:
+        """Distance from the pieces between waypoints [m], which end at the first and the last, and where it is."""
+        offset = np.array([x, y]) - self.start
+        feet = self.start + np.clip((offset * self.along).sum(axis=1), 0.0, self.length)[:, None] * self.along
+        apart = np.hypot(*(np.array([x, y]) - feet).T)
+        n = int(np.argmin(apart))
+        return float(apart[n]), feet[n]
 
     def nearest(self, x: float, y: float, last: float | None = None) -> tuple[float, float, float]:
         """Distance to the left of the path [m], the path's heading there [rad], and the way along the path [m].

@@ -69,7 +69,7 @@ class Bed:
 
     def __init__(self, terrain: Terrain, grid: Grid, number: int) -> None:
         self.grid, self.number = grid, number
-        self._terrain = terrain.as_arrays()
+        self.terrain, self._terrain = terrain, terrain.as_arrays()
         ny, nz, nx = grid.padded_shape
         self._shape = BedShape(np.zeros((ny + 1, nx + 1)), *(np.zeros((ny, nx)) for _ in range(3)))
         self.heights = self._shape.heights
@@ -83,10 +83,11 @@ class Bed:
         Raises
         ------
         ValueError
-            If the bed lies below the window's lowest face.
+            If the bed lies below the window's lowest face, or the window reaches beyond the terrain's field of heights.
         """
         if self._frame is not None and np.array_equal(frame, self._frame):
             return False
+        require_bed(self.terrain, self.grid, frame[None])
         m, h = self.grid.metrics, HALO
         take_heights(*self._terrain, frame, m, self._shape)
         inner = self._shape.corners[h:-h, h:-h]
@@ -166,6 +167,29 @@ class Bed:
         if not self._warned:
             logger.warning("%s", message)
             self._warned = True
+
+
+def require_bed(terrain: Terrain, grid: Grid, frames: Array) -> None:
+    """Refuse a field of heights that does not reach to the sides of a window at all its places.
+
+    Parameters
+    ----------
+    terrain : Terrain
+    grid : Grid
+        The window.
+    frames : array, shape (n, 3)
+        Places of the window: origin x, y [m] and heading [rad].
+
+    Raises
+    ------
+    ValueError
+        With the extents of the field and of the window.
+    """
+    corners = np.array([(x, y) for x in grid.x_faces[[0, -1]] for y in grid.y_faces[[0, -1]]])
+    c, s = np.cos(frames[:, 2, None]), np.sin(frames[:, 2, None])
+    x, y = corners.T
+    points = np.stack([frames[:, 0, None] + c * x - s * y, frames[:, 1, None] + s * x + c * y], axis=-1)
+    terrain.require_inside("terrain", "the flow's window on its way", points.reshape(-1, 2))
 
 
 def lowest_bed(terrain: Terrain, frames: Array, grid_low: Array, grid_high: Array, spacing: float = 0.1) -> float:

@@ -14,7 +14,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from exumob.flow.grid import CELL_SIZE
 from exumob.flow.tread import Tread
@@ -23,6 +22,9 @@ from exumob.support.cost import require_memory
 from exumob.support.declared import Declared, checked
 from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Hull, Vehicle
+from exumob.water.mesh_file import sound_triangles
+from exumob.water.mesh_lines import signed_distances
+from exumob.water.wetted_surface import hull_triangles
 
 SPHERE, BOX, CYLINDER, PRISM, SAMPLED = range(5)
 BYTES_PER_SAMPLE = 64.0
@@ -170,27 +172,20 @@ def mesh_solid(
     spacing: Annotated[float, CELL_SIZE],
     friction: float = HULL_FRICTION,
 ) -> Solid:
-    """Watertight triangle mesh, sampled once to a grid of signed distances; needs trimesh.
+    """Watertight triangle mesh, sampled once to a grid of signed distances.
 
     Parameters
     ----------
     triangles : array, shape (n, 3, 3)
-        Corners in the solid's axes [m], counter-clockwise from outside (`exumob.water.wetted_surface.mesh_triangles`
-        reads and checks a file).
+        Corners in the solid's axes [m], counter-clockwise from outside (`exumob.water.mesh_file.mesh_triangles`
+        reads a file); checked as that does.
     spacing : float
         Spacing of the samples [m]; half a cell of the flow's grid or less.
     friction : float
         Skin-friction coefficient [-].
     """
-    try:
-        import trimesh
-    except ImportError as error:
-        raise ImportError("a mesh in the flow needs the package trimesh: pip install 'exumob[mesh]'.") from error
-    mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
-    mesh.merge_vertices()
-    if not mesh.is_watertight or mesh.volume <= 0.0:
-        raise ValueError("mesh_solid: the mesh is not closed or its faces point inwards; repair it first.")
-    low, high = mesh.bounds[0].copy(), mesh.bounds[1].copy()
+    triangles = sound_triangles("mesh_solid", triangles)
+    low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
     start = low - 6.0 * spacing
     counts = np.ceil((high + 6.0 * spacing - start) / spacing) + 1
     require_memory(
@@ -199,31 +194,11 @@ def mesh_solid(
     )  # fmt: skip
     counts = counts.astype(int)
     axes = [start[a] + spacing * np.arange(counts[a]) for a in range(3)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    distances = np.empty(len(points))
-    for first in range(0, len(points), 20000):
-        part = points[first : first + 20000]
-        _, apart, _ = trimesh.proximity.closest_point_naive(mesh, part) if len(triangles) < 200 else (
-            trimesh.proximity.closest_point(mesh, part)
-        )  # fmt: skip
-        distances[first : first + 20000] = np.where(_inside(triangles, part), -apart, apart)
     shape = Shape.of(
-        SAMPLED, 0.5 * (high - low), samples=distances.reshape(tuple(counts)).copy(),
+        SAMPLED, 0.5 * (high - low), samples=signed_distances(triangles, *axes),
         low=(float(start[0]), float(start[1]), float(start[2])), spacing=spacing,
     )  # fmt: skip
     return Solid(shape, low, high, friction)
-
-
-def _inside(triangles: Array, points: Array) -> NDArray[np.bool_]:
-    """True for points inside a closed mesh: winding number from solid angles (Van Oosterom & Strackee 1983)."""
-    total = np.zeros(len(points))
-    for a, b, c in triangles:
-        ra, rb, rc = a - points, b - points, c - points
-        la, lb, lc = (np.linalg.norm(r, axis=1) for r in (ra, rb, rc))
-        volume = np.einsum("ni,ni->n", ra, np.cross(rb, rc))
-        dots = [np.einsum("ni,ni->n", p, q) for p, q in ((ra, rb), (rb, rc), (rc, ra))]
-        total += 2.0 * np.arctan2(volume, la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb)
-    return np.abs(total) > 2.0 * math.pi
 
 
 @checked
@@ -243,9 +218,7 @@ def vehicle_solids(
     if vehicle.hull.mesh is None:
         hull = hull_prism(vehicle.hull)
     else:
-        from exumob.water.wetted_surface import mesh_triangles
-
-        hull = mesh_solid(mesh_triangles(vehicle.hull.mesh) - vehicle.hull_origin, 0.5 * cell_size)
+        hull = mesh_solid(hull_triangles(vehicle), 0.5 * cell_size)
     wheel = replace(cylinder(vehicle.wheel.radius, vehicle.wheel.width, 0.1 * vehicle.wheel.width), tread=tread)
     return hull, wheel, wheel, wheel, wheel
 

@@ -102,8 +102,10 @@ class Soil(Declared):
     @checked
     def pressure(
         self,
-        sinkage: Annotated[float, Quantity("m", at_least=0.0, remedy="a plate that does not touch has no pressure.")],
-        width: Annotated[float, Quantity("m", above=0.0)],
+        sinkage: Annotated[
+            float, Quantity("m", at_least=0.0, at_most=1e3, remedy="a plate that does not touch has no pressure.")
+        ],
+        width: Annotated[float, Quantity("m", at_least=1e-6, at_most=1e6)],
     ) -> float:
         """Return the pressure under a flat plate [Pa].
 
@@ -134,6 +136,7 @@ class Soil(Declared):
         return record
 
     @classmethod
+    @checked
     def published(cls, name: str) -> Soil:
         """Return one of the 23 soils of `published_table` by its name in the table.
 

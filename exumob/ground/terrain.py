@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from exumob.support.arrays import Array
 from exumob.support.checks import require_finite
+from exumob.support.cost import require_memory
 from exumob.support.declared import Declared, checked
 from exumob.support.quantities import DIRECTION, Quantity
 
@@ -47,6 +48,9 @@ TERRAIN_RECORD = np.dtype(
 
 HEIGHT_RANGE = (-1000.0, 9000.0)
 """Heights on land [m], with room below the lowest shore; -9999, -32768 and 1e20 stand for missing data."""
+
+BYTES_PER_POINT = 180
+"""Memory for a point of a field while its slopes are limited [bytes]; 40 are kept."""
 
 SLOPE = Quantity("1", at_least=-2.0, at_most=2.0, remedy="slopes are rise over run: math.tan(angle).")
 
@@ -91,6 +95,10 @@ class Terrain(Declared):
         field = np.asarray(self.heights)
         if min(field.shape) < 2:
             raise ValueError(f"Terrain.heights has shape {field.shape}; give an array (n_y, n_x), 2 by 2 or larger.")
+        require_memory(
+            f"Terrain.heights of {field.shape[0]} by {field.shape[1]} points", BYTES_PER_POINT * field.size,
+            "cut out what the run drives over, or take every second point.",
+        )  # fmt: skip
         low, high = HEIGHT_RANGE
         beyond = (field < low) | (field > high)
         if beyond.any():
@@ -109,12 +117,12 @@ class Terrain(Declared):
         next_j, next_i = (j + 1, i) if along else (j, i + 1)
         heights, slope = (float(field[j, i]), float(field[next_j, next_i])), float(slopes[along][j, i])
         likely = max(heights, key=lambda z: abs(z - float(np.median(field))))
+        pairs = sum(int((s > most).sum()) for s in slopes)
         raise ValueError(
             f"Terrain.heights: from {heights[0]:.6g} m at [{j}, {i}] to {heights[1]:.6g} m at [{next_j}, {next_i}] is "
             f"a slope of {slope:.4g} ({math.degrees(math.atan(slope)):.1f} degrees), beyond Terrain.steepest = "
-            f"{self.steepest:g} as at {sum(int((s > most).sum()) for s in slopes)} pairs of neighbours. If {likely:.6g} marks "
-            "missing data, fill the gaps; if spacing is in another unit, give metres; if the step is real, raise "
-            "steepest."
+            f"{self.steepest:g} as at {pairs} pairs of neighbours. If {likely:.6g} marks missing data, fill the gaps; "
+            "if spacing is in another unit, give metres; if the step is real, raise steepest."
         )
 
     @classmethod
@@ -268,9 +276,7 @@ def hermite_nodes(heights: Array) -> Array:
                 down, up = -up, -down
             least, most = np.maximum(least, down), np.minimum(most, up)
     c = np.clip(_rises(rise_x, 0) / 9.0, least, most)
-    nodes = np.stack([heights, a, b, c], axis=-1)
-    nodes.setflags(write=False)
-    return nodes
+    return np.stack([heights, a, b, c], axis=-1)
 
 
 def _rises(values: Array, axis: int) -> Array:
@@ -330,7 +336,7 @@ def terrain_height(terrain: Any, nodes: Array, x: float, y: float) -> tuple[floa
     Returns
     -------
     tuple of float
-        z [m], dz/dx [-], dz/dy [-].
+        z [m], dz/dx [-], dz/dy [-]; nan where x or y is.
     """
     slope_x, slope_y = terrain.slope_x, terrain.slope_y
     z = terrain.height + slope_x * x + slope_y * y
@@ -339,6 +345,8 @@ def terrain_height(terrain: Any, nodes: Array, x: float, y: float) -> tuple[floa
         return z, slope_x, slope_y
     column = (x - terrain.origin_x) / terrain.spacing_x
     row = (y - terrain.origin_y) / terrain.spacing_y
+    if math.isnan(column) or math.isnan(row):
+        return math.nan, math.nan, math.nan  # and no place in the memory
     inside_x = 0.0 <= column <= n_x - 1.0
     inside_y = 0.0 <= row <= n_y - 1.0
     column = min(max(column, 0.0), n_x - 1.0)

@@ -83,7 +83,11 @@ def pack(run: xr.Dataset) -> xr.Dataset:
     if surface:
         kept = np.arange(0.0, float(run["time"][-1]) + 1e-6, SURFACE_INTERVAL)
         packed = packed.merge(run[surface].sel(snapshot=kept, method="nearest"))
-    single = {name: v.astype(np.float32) for name, v in packed.data_vars.items() if v.dtype == np.float64}
+    single = {
+        name: v.astype(np.float32)
+        for name, v in packed.data_vars.items()
+        if v.dtype == np.float64 and name != "position"  # in map coordinates, single precision is half a metre
+    }
     packed = packed.assign({name: v.assign_attrs(packed[name].attrs) for name, v in single.items()})
     effort: dict[str, float] = {}
     for name in EFFORT:
@@ -110,6 +114,11 @@ def load_runs(files: Iterable[str | Path]) -> dict[str, xr.Dataset]:
                 "`exumob.learning.dataset.pack` and `exumob.learning.importing` make such files."
             )
         _check_sampling(run["time"].values, str(file))
+        gaps = [name for name in NEEDED if run[name].dtype.kind == "f" and not np.isfinite(run[name].values).all()]
+        if gaps:
+            raise ValueError(
+                f"{file}: {', '.join(gaps)} is not finite everywhere; leave this run out, or make it again."
+            )
         name = str(run.attrs.get("scenario", Path(file).stem))
         if name in runs:
             raise ValueError(f"{file}: there is another run of {name} in the folder; keep one of them.")

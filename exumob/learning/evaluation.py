@@ -15,6 +15,7 @@ from exumob.paper.reference_runs import SOIL
 from exumob.paper.scenarios import Scenario
 from exumob.simulation.run import simulate
 from exumob.support.arrays import Array
+from exumob.support.dimensions import with_described_names
 from exumob.support.errors import SimulationError
 from exumob.surrogates.inputs import network_inputs
 from exumob.surrogates.model import SurrogateHydrodynamics
@@ -29,6 +30,18 @@ FAST = {"setting": "fast"}
 """The paper's fast setting (Sec. 5.3)."""
 THINNING = 4
 """Interval at which loads are compared, in samples of 1 ms."""
+MEASURES = {
+    # name: (unit, meaning)
+    "path": ("%", "distance from the reference, root mean square over the length of its path"),
+    "final": ("%", "final distance from the reference over the length of its path"),
+    "yaw": ("deg", "error of the yaw, root mean square"),
+    "lateral_velocity": ("m s-1", "error of the lateral velocity, root mean square"),
+    "forward": ("m", "forward displacement less that of the reference"),
+    "lateral": ("m", "lateral displacement less that of the reference"),
+}
+"""What `closed_loop` measures."""
+LOAD_ERROR = "error of the loads, root mean square over their standard deviation"
+"""What `open_loop` measures."""
 
 
 def predicted_loads(
@@ -85,7 +98,10 @@ def open_loop(
     loads = np.mean([predicted_loads(network, run, vehicle, rows, base) for network in members], axis=0)
     reference = run["water_wrench_smooth"].values[rows]
     error = np.sqrt(np.mean((loads - reference) ** 2, axis=0)) / np.maximum(reference.std(axis=0), 1e-9)
-    return xr.DataArray(error, {"body": list(BODIES), "component": list(WRENCH_COMPONENTS)}, ("body", "component"))
+    return xr.DataArray(
+        error, {"body": list(BODIES), "component": list(WRENCH_COMPONENTS)}, ("body", "component"),
+        attrs={"units": "1", "long_name": LOAD_ERROR},
+    )  # fmt: skip
 
 
 def drive(
@@ -154,8 +170,7 @@ def compare(
         By model and scenario: the members' runs.
     """
     most = max(len(members) for members in models.values())
-    measures = ("path", "final", "yaw", "lateral_velocity", "forward", "lateral")
-    values = {name: np.full((len(models), len(references), most), np.nan) for name in measures}
+    values = {name: np.full((len(models), len(references), most), np.nan) for name in MEASURES}
     loads = np.full((len(models), len(references), most, len(BODIES), len(WRENCH_COMPONENTS)), np.nan)
     runs: dict[tuple[str, str], list[xr.Dataset]] = {}
     for m, (model, members) in enumerate(models.items()):
@@ -177,10 +192,9 @@ def compare(
                         f"{model}, {scenario}, {n}: final position off by {values['final'][m, s, n]:.2f} % of the path"
                     )
     dims = ("model", "scenario", "member")
-    units = {"path": "%", "final": "%", "yaw": "deg", "lateral_velocity": "m s-1", "forward": "m", "lateral": "m"}
     table = xr.Dataset(
-        {name: (dims, v, {"units": units[name]}) for name, v in values.items()}
-        | {"load_error": ((*dims, "body", "component"), loads, {"units": "1"})},
+        {name: (dims, v, dict(zip(("units", "long_name"), MEASURES[name], strict=True))) for name, v in values.items()}
+        | {"load_error": ((*dims, "body", "component"), loads, {"units": "1", "long_name": LOAD_ERROR})},
         coords={
             "model": list(models),
             "scenario": list(references),
@@ -188,4 +202,4 @@ def compare(
             "component": list(WRENCH_COMPONENTS),
         },
     )
-    return table, runs
+    return with_described_names(table), runs

@@ -28,6 +28,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from exumob.learning.dataset import SAMPLING
 from exumob.simulation.results import VARIABLES
 from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
+from exumob.support.dimensions import with_described_names
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.smoothing import smoothed
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates, quaternions
@@ -53,6 +55,8 @@ UNITS = {
     "none": {"": 1.0, "1": 1.0, "-": 1.0},
 }
 """Known units of each kind, with their factors to SI."""
+LARGEST_LOAD = 10.0
+"""Largest force of the water over density (g L + v^2) L^2, L the distance of the wheels [-]; chosen by us."""
 COARSEST = 0.01
 """Longest interval between samples that still resolves the water's loads [s]."""
 SPEED_TOLERANCE = 0.05
@@ -131,6 +135,8 @@ def import_histories(
     if given is not None:
         _check_speeds(time - time[0], given, states, path)
     wrench = np.stack([_line(time - time[0], loads[:, b], states.time) for b in range(5)], axis=1)
+    _check_motion(states, path)
+    _check_loads(states, wrench, water, path)
     _check_lift(states, wrench, path)
     return _dataset(states, wrench, water, path, scenario or path.stem)
 
@@ -189,12 +195,21 @@ def _read_csv(path: Path) -> dict[str, tuple[Array, str | None]]:
 
 
 def _read_netcdf(path: Path) -> dict[str, tuple[Array, str | None]]:
-    with xr.open_dataset(path, decode_times=False) as data:
-        return {
-            str(name): (np.asarray(v.values, float), v.attrs.get("units"))
-            for name, v in data.variables.items()
-            if v.ndim == 1 and v.dtype.kind in "fiu"
-        }
+    try:
+        with xr.open_dataset(path, decode_times=False) as data:
+            return {
+                str(name): (np.asarray(v.values, float), v.attrs.get("units"))
+                for name, v in data.variables.items()
+                if v.ndim == 1 and v.dtype.kind in "fiu"
+            }
+    except MemoryError:
+        raise
+    except Exception as error:  # each library raises its own
+        text = " ".join(str(error).split())[:200]
+        raise ValueError(
+            f"{path} cannot be read as netCDF ({type(error).__name__}: {text}): it is damaged, cut off, or of another "
+            "kind; give netCDF, or a table whose name ends in .csv."
+        ) from None
 
 
 def _stack(columns: _Columns, quantities: tuple[str, ...]) -> Array:
@@ -253,6 +268,30 @@ def _check_speeds(time: Array, given: Array, states: BodyStates, path: Path) -> 
         )
 
 
+def _check_motion(states: BodyStates, path: Path) -> None:
+    """Refuse a file in which nothing moves: the loads of a vehicle at rest teach networks nothing."""
+    way = float(np.ptp(states.position[:, 0], axis=0).max())
+    turned = float(np.abs(states.rotation[:, 0] - states.rotation[0, 0]).max())
+    if way < 1e-3 and turned < 1e-3:
+        raise ValueError(
+            f"{path}: the hull moves by {1e3 * way:.2g} mm and turns by {turned:.2g} in {np.ptp(states.time):.3g} s; "
+            "give a run in which the vehicle drives. Look at the unit and the names of the positions."
+        )
+
+
+def _check_loads(states: BodyStates, wrench: Array, water: Water, path: Path) -> None:
+    """Refuse forces far beyond what water can exert on a vehicle of this size at this speed."""
+    size = float(np.linalg.norm(np.ptp(states.position[0, 1:], axis=0)))  # from wheel to wheel
+    speed = float(np.linalg.norm(states.velocity[:, 0], axis=-1).max()) + water.current_speed
+    most = LARGEST_LOAD * water.density * (GRAVITY * size + speed**2) * size**2
+    largest = float(np.abs(wrench[..., :3]).max())
+    if largest > most:
+        raise ValueError(
+            f"{path}: forces reach {largest:.3g} N, beyond {most:.3g} N, {LARGEST_LOAD:g} density (g L + v^2) L^2 "
+            f"with L = {size:.3g} m between the wheels and v = {speed:.3g} m/s; look at the unit of the forces."
+        )
+
+
 def _check_lift(states: BodyStates, wrench: Array, path: Path) -> None:
     lift = np.einsum("nbj,nbj->nb", states.rotation[..., 2, :], wrench[..., :3]).sum(axis=1).mean()
     if lift < 0.0:
@@ -286,6 +325,11 @@ def _resampled(time: Array, position: Array, rotation: Array) -> BodyStates:
     )  # fmt: skip
 
 
+def _kept_as(name: str) -> type:
+    """Single precision, but for positions: in map coordinates that is half a metre."""
+    return np.float64 if name == "position" else np.float32
+
+
 def _dataset(states: BodyStates, wrench: Array, water: Water, path: Path, scenario: str) -> xr.Dataset:
     rotation = states.rotation
     yaw = np.unwrap(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]), axis=0)
@@ -309,9 +353,9 @@ def _dataset(states: BodyStates, wrench: Array, water: Water, path: Path, scenar
         "water_wrench_smooth": ("time body component", "N, N m", "water_wrench, centred moving average")
     }
     values["water_wrench_smooth"] = smoothed(wrench, SAMPLING)
-    return xr.Dataset(
+    found = xr.Dataset(
         {
-            name: (dims.split(), values[name].astype(np.float32), {"units": unit, "long_name": text})
+            name: (dims.split(), values[name].astype(_kept_as(name)), {"units": unit, "long_name": text})
             for name, (dims, unit, text) in described.items()
         },
         coords={
@@ -325,3 +369,4 @@ def _dataset(states: BodyStates, wrench: Array, water: Water, path: Path, scenar
             "parameters": parameters_json({"water": water}),
         },
     )  # fmt: skip
+    return with_described_names(found)

@@ -9,10 +9,12 @@ from __future__ import annotations
 import hashlib
 import json
 import multiprocessing
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from multiprocessing.managers import SyncManager
 from pathlib import Path
 from queue import Empty
 from typing import Any, NamedTuple
@@ -26,10 +28,12 @@ from exumob.learning.examples import Examples, build_examples, validation_run
 from exumob.learning.fitting import fit_body
 from exumob.learning.presets import Preset
 from exumob.support.files import atomic_write
+from exumob.support.processes import end_with_parent
 from exumob.support.provenance import parameters_json, provenance
 from exumob.surrogates.networks import NetworkSet, Single, geometry
 from exumob.vehicle.motion import BODIES, BodyStates
 from exumob.vehicle.parameters import Vehicle
+from exumob.water.mesh_file import mesh_digest
 
 
 @dataclass(frozen=True)
@@ -103,7 +107,10 @@ def train(
     data = _data_hash(runs, vehicle)
     files: dict[tuple[str, int], Path] = {}
     context = multiprocessing.get_context("spawn")
-    with context.Manager() as manager, _stopping(ProcessPoolExecutor(max(jobs, 1), context)) as pool:
+    manager = SyncManager(ctx=context)
+    manager.start(end_with_parent, (os.getpid(),))
+    workers = ProcessPoolExecutor(max(jobs, 1), context, end_with_parent, (os.getpid(),))
+    with manager, _stopping(workers) as pool:
         queue = manager.Queue()
         pending: dict[Any, _Task] = {}
         for preset in presets:
@@ -203,7 +210,7 @@ def _part(parts: Path, preset: Preset, seed: int, body: str, data: str) -> Path:
 
 def _data_hash(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> str:
     """Digest of everything that the networks are made from."""
-    found = hashlib.sha256(parameters_json({"vehicle": vehicle}).encode())
+    found = hashlib.sha256((parameters_json({"vehicle": vehicle}) + mesh_digest(vehicle.hull)).encode())
     for name in sorted(runs):
         found.update((name + parameters_json({"water": water_of(runs[name])})).encode())
         for variable in (*BodyStates.__dataclass_fields__, "quaternion", "water_wrench", "water_wrench_smooth"):
@@ -231,3 +238,8 @@ def _check_geometry(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> None:
                     f"Networks learn from runs of their own vehicle: give runs made with {vehicle.name} (--data), or "
                     "the vehicle of these runs (--vehicle)."
                 )
+        if run.attrs.get("hull_mesh_sha256", "") != mesh_digest(vehicle.hull):
+            raise ValueError(
+                f"{name} was made with another Hull.mesh, or another content of that file, than {vehicle.name} has; "
+                "give the vehicle and the mesh file of the runs."
+            )

@@ -14,8 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 import xarray as xr
 
-from exumob.simulation.verdict import Verdict, VerdictLimits, judge, verdict_of_error
-from exumob.support.constants import GRAVITY
+from exumob.simulation.verdict import Verdict, VerdictLimits, judge, verdict_of_error, wheel_load_share
 from exumob.support.declared import Declared, checked
 from exumob.support.errors import SimulationError
 from exumob.support.quantities import Quantity
@@ -103,7 +102,7 @@ def judge_crossing(run: xr.Dataset, limits: Limits) -> dict[str, float]:
         "drift": drift,
         "slip": float(late["slip_ratio"].mean()),
         "power": float(late["spin_power"].sum("wheel").mean()) if "spin_power" in late else math.nan,
-        "wheel_load": float(late["soil_force"].sel(axis="z").sum("wheel").mean()) / _weight(run),
+        "wheel_load": float(wheel_load_share(late).mean()),
         "tilt": float(max(np.abs(run[name].sel(body="hull")).max() for name in ("roll", "pitch"))),
         "out_of_range": _out_of_range(run, end - limits.window),
     }
@@ -150,14 +149,6 @@ class Crossing(Declared):
     def parameters(self) -> dict[str, Any]:
         """Experiment and limits, as kept in results."""
         return asdict(self)
-
-
-def _weight(run: xr.Dataset) -> float:
-    if "mass" in run:
-        return GRAVITY * float(run["mass"].sum())
-    # packed runs: at the release, all stands still
-    start = run.isel(time=0)
-    return float(start["soil_force"].sel(axis="z").sum() + start["water_wrench"].sel(component="Fz").sum())
 
 
 def _out_of_range(run: xr.Dataset, begin: float) -> float:

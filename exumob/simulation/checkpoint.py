@@ -10,10 +10,10 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import struct
 import time
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+import zlib
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ import numpy as np
 from exumob.coupling.scheme import Coupling
 from exumob.multibody.system import MultibodyVehicle, SavedState
 from exumob.simulation.description import RunDescription
-from exumob.support.files import PACKAGE, atomic_write
+from exumob.support.files import PACKAGE, atomic_write, require_writable
 from exumob.support.provenance import parameters_json, versions
 from exumob.vehicle.motion import HISTORY_STEP
 from exumob.water.hydrodynamics import Hydrodynamics
@@ -97,18 +97,22 @@ class Checkpoints:
         self._written = -1
         self._passed = 0  # whole intervals
         self._patience = 0.0
+        self._warned = False
         self._began = time.perf_counter()
         self.elapsed = 0.0
         """Wall time of earlier processes until the checkpoint from which this one goes on [s]."""
         if not file.parent.is_dir():
             raise ValueError(f"checkpoint {file}: the folder {file.parent} does not exist; create it first.")
+        if file.is_dir():
+            raise ValueError(f"checkpoint {file} is a folder; give the name of a file (.npz) in it.")
         self.found = file.exists()
         if self.found and not resume:
             raise ValueError(f"checkpoint {file} exists already; resume from it (resume, --resume) or move it away.")
+        require_writable(file)
+        step, self._tree = -1, None
         if self.found:
-            with _opened(file) as archive:
-                head = _head(file, archive)
-            self.elapsed = float(head.get("elapsed", 0.0))
+            head, self._tree = _read(file)
+            step, self.elapsed = int(head["step"]), float(head["elapsed"])
             wrong = fingerprint.differences(head["fingerprint"])
             if wrong:
                 raise ValueError(
@@ -116,18 +120,29 @@ class Checkpoints:
                     f"{'s' if len(wrong) == 1 else ''}. Resume with what it was made with, or move it away and begin "
                     "anew."
                 )
-        self.released = self.found and int(head["step"]) >= 0
-        self.spin_up: Any = read(file)[1]["spin_up"] if self.found and not self.released else None
+        self._step = step
+        self.released = self.found and step >= 0
+        self.spin_up: Any = self._tree["spin_up"] if self._tree is not None and not self.released else None
 
     def resume(self, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling) -> int:
-        """Bring all to the state of the file; return the number of macro steps done."""
-        steps, saved = read(self.file)
-        model.restore(SavedState(**saved["model"]))
-        hydrodynamics.restore(saved["hydrodynamics"])
-        coupling.restore(saved["coupling"])
-        self._written, self._passed = steps, int(model.time / INTERVAL + 1e-6)
+        """Bring all to the state of the file; return the number of macro steps done.
+
+        Raises
+        ------
+        ValueError
+            If the file is damaged.
+        """
+        saved, self._tree = self._tree, None
+        assert saved is not None
+        try:
+            model.restore(SavedState(**saved["model"]))
+            hydrodynamics.restore(saved["hydrodynamics"])
+            coupling.restore(saved["coupling"])
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError, RuntimeError) as error:
+            raise _damaged(self.file, error) from error
+        self._written, self._passed = self._step, int(model.time / INTERVAL + 1e-6)
         logger.info("%s: goes on from %.3f s", self.file, model.time)
-        return steps
+        return self._step
 
     def keep_spin_up(self, saved: Any) -> None:
         """Write the state of the water before the release."""
@@ -169,8 +184,17 @@ class Checkpoints:
             "hydrodynamics": hydrodynamics.save(),
             "coupling": coupling.save(),
         }
-        write(self.file, step, tree, self.fingerprint, self._elapsed())
-        self._written = step
+        try:
+            write(self.file, step, tree, self.fingerprint, self._elapsed())
+        except OSError as error:
+            if not self._warned:
+                logger.warning(
+                    "checkpoint %s could not be written (%s); the run goes on, and tries again at the next one",
+                    self.file, error.strerror or error,
+                )  # fmt: skip
+            self._warned = True
+            return
+        self._written, self._warned = step, False
 
     def _elapsed(self) -> float:
         return self.elapsed + time.perf_counter() - self._began
@@ -185,28 +209,53 @@ def write(file: Path, step: int, tree: dict[str, Any], fingerprint: Fingerprint,
 
 
 def read(file: Path) -> tuple[int, dict[str, Any]]:
-    """Number of macro steps done (-1: not released yet), and the tree given to `write`."""
-    with _opened(file) as archive:
-        head = _head(file, archive)
-        tree: dict[str, Any] = _put_together(head["tree"], archive)
+    """Return the number of macro steps done (-1: not released yet), and the tree given to `write`.
+
+    Raises
+    ------
+    ValueError
+        If the file is no checkpoint, or damaged.
+    """
+    head, tree = _read(file)
     return int(head["step"]), tree
 
 
-@contextmanager
-def _opened(file: Path) -> Iterator[Any]:
-    with file.open("rb") as stream:
-        try:
+def _read(file: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Read a whole file: its head (step, fingerprint, elapsed) and the tree."""
+    try:
+        with file.open("rb") as stream:
             archive = np.load(stream, allow_pickle=False)
-        except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-            raise ValueError(f"checkpoint {file} cannot be read ({error}); move it away and begin anew.") from None
-        yield archive
+            if not hasattr(archive, "files") or HEAD not in archive.files:
+                raise ValueError(f"checkpoint {file} is not one of exumob; give another file.")
+            head = json.loads(str(archive[HEAD]))
+            right = (
+                isinstance(head["step"], int)
+                and isinstance(head["elapsed"], int | float)
+                and isinstance(head["fingerprint"], dict)
+            )
+            tree = _put_together(head["tree"], archive)
+            if not right or not isinstance(tree, dict):
+                raise ValueError("its head is incomplete")
+            wanted = ("model", "hydrodynamics", "coupling") if head["step"] >= 0 else ("spin_up",)
+            for name in wanted:
+                if name not in tree:
+                    raise ValueError(f"{name} is missing")
+    except ValueError as error:
+        if "is not one of exumob" in str(error):
+            raise
+        raise _damaged(file, error) from error
+    except (OSError, EOFError, KeyError, TypeError, IndexError, AttributeError, NotImplementedError, struct.error,
+            zipfile.BadZipFile, zlib.error, RecursionError, MemoryError, RuntimeError) as error:  # fmt: skip
+        raise _damaged(file, error) from error
+    return head, tree
 
 
-def _head(file: Path, archive: Any) -> dict[str, Any]:
-    if not hasattr(archive, "files") or HEAD not in archive.files:
-        raise ValueError(f"checkpoint {file} is not one of exumob; give another file.")
-    head: dict[str, Any] = json.loads(str(archive[HEAD]))
-    return head
+def _damaged(file: Path, error: BaseException) -> ValueError:
+    text = " ".join(str(error).split())[:200]
+    return ValueError(
+        f"checkpoint {file} cannot be read ({type(error).__name__}: {text}): it is damaged or cut off; move it away "
+        "and begin anew."
+    )
 
 
 def _taken_apart(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
@@ -226,7 +275,7 @@ def _taken_apart(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
 
 
 def _put_together(node: Any, archive: Any) -> Any:
-    kind, value = next(iter(node.items()))
+    ((kind, value),) = node.items()
     if kind == "array":
         return archive[value]
     if kind == "dict":

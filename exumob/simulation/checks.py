@@ -8,6 +8,7 @@ from dataclasses import asdict, is_dataclass
 import numpy as np
 
 from exumob.driving.maneuver import FeedbackManeuver, Maneuver
+from exumob.driving.path_following import PathFollowing
 from exumob.simulation.cost import require_room
 from exumob.simulation.description import Steps
 from exumob.support.checks import require_positive
@@ -66,6 +67,8 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> tup
     speed = np.array([maneuver.wheel_speed(t) for t in times])
     if not (np.isfinite(steering).all() and np.isfinite(speed).all()):
         raise ValueError("maneuver: steering or wheel_speed is not finite within the duration; mend its definition.")
+    if isinstance(maneuver, PathFollowing):
+        maneuver.check_start(vehicle)
     largest = np.abs(steering[:, 0]).max()
     if isinstance(maneuver, FeedbackManeuver):
         largest = max(largest, maneuver.max_steering)

@@ -12,6 +12,7 @@ import xarray as xr
 from exumob.driving.maneuver import Maneuver
 from exumob.ground.soil import Soil
 from exumob.simulation.run import simulate
+from exumob.support.dimensions import with_described_names
 from exumob.support.errors import SimulationError
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.vehicle.parameters import Vehicle
@@ -76,7 +77,7 @@ def add_members(
         position[n, :rows] = run["position"].sel(body="hull").values[:rows]
         yaw[n, :rows] = run["yaw"].sel(body="hull").values[:rows]
     names = [network.name for network in members]
-    return result.assign(
+    found = result.assign(
         member_position=xr.DataArray(
             position, {"member": names, "time": result["time"], "axis": result["axis"]}, ("member", "time", "axis"),
             attrs={"units": "m", "long_name": "hull's position, driven by each member alone"},
@@ -86,3 +87,4 @@ def add_members(
             attrs={"units": "rad", "long_name": "hull's yaw, driven by each member alone"},
         ),
     )  # fmt: skip
+    return with_described_names(found)

@@ -58,6 +58,28 @@ def _write(dataset: xr.Dataset, path: Path) -> Path:
 
 
 def load_dataset(file: str | Path) -> xr.Dataset:
-    """Read a result written by `save_dataset` into memory."""
-    with xr.open_dataset(file, engine="h5netcdf") as dataset:
-        return dataset.load()
+    """Read a result written by `save_dataset`, or any other netCDF 4 file, into memory.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is no netCDF 4 file, or damaged.
+    """
+    path = Path(file)
+    if not path.exists():
+        raise FileNotFoundError(f"{path} does not exist; give the file of a result (netCDF).")
+    if path.is_dir():
+        raise ValueError(f"{path} is a folder; give the file of a result (netCDF).")
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as dataset:
+            return dataset.load()
+    except MemoryError:
+        raise
+    except Exception as error:  # h5py and h5netcdf raise whatever they meet
+        text = " ".join(str(error).split())[:200]
+        raise ValueError(
+            f"{path} cannot be read as netCDF ({type(error).__name__}: {text}): it is damaged, cut off, or of another "
+            "kind. Take a copy, or make it again."
+        ) from None

@@ -7,19 +7,21 @@ import logging
 import numpy as np
 import xarray as xr
 
-from exumob.ground.terrain import Terrain
 from exumob.multibody.energy_account import WORK_KINDS
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.description import RunDescription
+from exumob.simulation.over_ground import keel_clearance, outside_terrain
 from exumob.simulation.summary import range_shares
 from exumob.simulation.trust import trust_of
 from exumob.simulation.verdict import judge, with_verdict
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.dimensions import with_described_names
 from exumob.support.provenance import parameters_json, provenance
 from exumob.vehicle.motion import BODIES, WHEELS, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.flow_states import FLOW_STATES, flow_states
+from exumob.water.mesh_file import mesh_provenance
 
 logger = logging.getLogger(__name__)
 
@@ -46,7 +48,8 @@ VARIABLES = {
     "soil_force": ("time wheel axis", "N", "force of the soil on the tyre, world axes"),
     "soil_moment": ("time wheel axis", "N m", "moment of the soil about the wheel centre, world axes"),
     "suspension_force": ("time wheel", "N", "spring, damper and stops, pushing wheel and hull apart"),
-    "keel_clearance": ("time", "m", "lowest corner of the hull's keel above the soil surface"),
+    "keel_clearance": ("time", "m", "smallest height of the hull above the soil surface"),
+    "outside_terrain": ("time body", "1", "1 where a wheel's centre or a part of the hull is outside the height field"),
     "suspension_stroke": ("time wheel", "m", "wheel above its ride height in the hull"),
     "flow_state": ("time body state", "rad, m s-1, m", "states of paper Eq. 7"),
     "water_wrench": ("time body component", "N, N m", "water about the body's origin, body axes"),
@@ -73,18 +76,6 @@ COMMENTS = {
     "constraint_error": "units along constraint_level: m or rad; m s-1 or rad s-1",
 }
 """Comments on some variables (attribute ``comment``)."""
-COORDINATES = {
-    "body": "hull, and each wheel with its upright",
-    "wheel": "wheel",
-    "front_wheel": "steered wheel",
-    "axis": "world axis: x initial heading, y left, z up",
-    "quaternion_component": "component of a quaternion, scalar first",
-    "component": "force and moment about the body's origin, body axes",
-    "state": "state of paper Eq. 7",
-    "work_kind": "what does the work",
-    "constraint_level": "level on which the constraints are looked at",
-}
-"""Names along dimensions, with their meaning."""
 
 
 def build_dataset(
@@ -124,7 +115,7 @@ def build_dataset(
     left = np.stack([-np.sin(yaw[:, 0]), np.cos(yaw[:, 0])], axis=-1)
     ahead = np.stack([np.cos(yaw[:, 0]), np.sin(yaw[:, 0])], axis=-1)
     hull_velocity = states.velocity[:, 0, :2]
-    values: dict[str, Array] = {
+    values: dict[str, np.ndarray] = {
         "position": states.position,
         "quaternion": quaternions(rotation),
         "yaw": yaw,
@@ -146,7 +137,8 @@ def build_dataset(
         "soil_force": loads["soil_force"],
         "soil_moment": loads["soil_moment"],
         "suspension_force": loads["suspension_force"],
-        "keel_clearance": _keel_clearance(vehicle, run.terrain, states),
+        "keel_clearance": keel_clearance(vehicle, run.terrain, states),
+        "outside_terrain": outside_terrain(vehicle, run.terrain, states).astype(np.int8),
         "suspension_stroke": loads["stroke"],
         "flow_state": flow_states(states, water),
         "water_wrench": loads["water_wrench"],
@@ -175,8 +167,6 @@ def build_dataset(
             "constraint_level": ["position", "velocity"],
         },
     )
-    for name, text in COORDINATES.items():
-        dataset[name].attrs |= {"units": "1", "long_name": text}
     dataset = dataset.assign({f"hydrodynamics_{k}": v for k, v in run.hydrodynamics.record().items()})
     dataset = dataset.merge({f"coupling_{k}": v for k, v in run.coupling.record().items()}, join="outer")
     dataset.attrs = provenance() | {
@@ -189,8 +179,9 @@ def build_dataset(
         **wall_times,
         **trust_of(run, *range_shares(dataset).values()).attributes(),
         **({"cause": cause} if cause else {}),
+        **mesh_provenance(vehicle.hull),
     }
-    return with_verdict(dataset, judge(dataset, vehicle=vehicle))
+    return with_described_names(with_verdict(dataset, judge(dataset, vehicle=vehicle)))
 
 
 def attributes(name: str) -> dict[str, str]:
@@ -198,20 +189,6 @@ def attributes(name: str) -> dict[str, str]:
     _, units, text = VARIABLES[name]
     about = {"units": units, "long_name": text}
     return about | ({"comment": COMMENTS[name]} if name in COMMENTS else {})
-
-
-def _keel_clearance(vehicle: Vehicle, terrain: Terrain, states: BodyStates) -> Array:
-    hull = vehicle.hull
-    stern = hull.center_x - 0.5 * hull.length
-    bow = hull.center_x + 0.5 * hull.length - hull.bow_length
-    corners = [[x, y, hull.ground_clearance] for x in (stern, bow) for y in (-0.5 * hull.width, 0.5 * hull.width)]
-    points = states.position[:, 0, None] + (np.array(corners) - vehicle.hull_origin) @ states.rotation[:, 0].mT
-    if terrain.is_flat:
-        ground = np.full(points.shape[:2], terrain.height)
-    else:
-        ground = np.array([[terrain.height_and_normal(x, y)[0] for x, y, _ in row] for row in points])
-    lowest: Array = (points[..., 2] - ground).min(axis=1)
-    return lowest
 
 
 def body_masses(vehicle: Vehicle) -> Array:

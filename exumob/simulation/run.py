@@ -23,6 +23,7 @@ from exumob.simulation.checkpoint import Checkpoints, Fingerprint
 from exumob.simulation.checks import check_described, check_initial_speed, check_maneuver, check_steps
 from exumob.simulation.cost import prepare
 from exumob.simulation.description import RunDescription, Steps
+from exumob.simulation.over_ground import check_start_on_terrain, warn_of_ground
 from exumob.simulation.results import build_dataset
 from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, setting_named
 from exumob.simulation.stop_request import StopRequest
@@ -136,6 +137,7 @@ def simulate(  # one argument a part of the run; all but two have defaults
             "simulate.terrain: the water models know a flat bed at z = 0 only; leave out the water, or use the default "
             "terrain."
         )
+    check_start_on_terrain(vehicle, terrain)
     commands = check_maneuver(vehicle, maneuver, duration)
     rolling = maneuver.wheel_speed(0.0)[0] * vehicle.wheel.radius
     speed = rolling if initial_speed is None else initial_speed
@@ -175,7 +177,9 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
     def result(status: str, cause: str = "") -> xr.Dataset:
         earlier = 0.0 if store is None else store.elapsed
         walls = {"wall_time": earlier + time.perf_counter() - settled, "settling_wall_time": settled - began}
-        return build_dataset(model, run, status, walls, cause)
+        found = build_dataset(model, run, status, walls, cause)
+        warn_of_ground(run.vehicle, found)
+        return found
 
     stop = StopRequest()
     try:
@@ -201,19 +205,7 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
         _keep(store, model, run)
         raise broken from error
     model.record_end()
-    finished = result("completed")
-    _warn_of_keel(run.vehicle, finished)
-    return finished
-
-
-def _warn_of_keel(vehicle: Vehicle, result: xr.Dataset) -> None:
-    """Warn if the hull went into the soil, which does not push back."""
-    lowest = float(result["keel_clearance"].min())
-    if lowest < 0.0:
-        logger.warning(
-            "%s: the keel came %.3f m below the soil surface; contact of hull and soil is not modelled, so the run is "
-            "too favourable from then on. Use a firmer soil or a higher ground_clearance.", vehicle.name, -lowest,
-        )  # fmt: skip
+    return result("completed")
 
 
 def _settle(model: MultibodyVehicle, run: RunDescription, store: Checkpoints | None) -> None:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from exumob.support.declared import checked
+
 DURATION = 8.0
 """Simulated time of a run [s]: that of the paper's lane change."""
 RECORD_STEP = 1.0e-2
@@ -50,6 +52,7 @@ the flow solver in the loop, D60/U1 on 18 mm cells ends 2 mm ahead and 10 mm bes
 DEFAULT_SETTING = "fast"
 
 
+@checked
 def setting_named(name: str) -> Setting:
     """Return one of `SETTINGS`.
 

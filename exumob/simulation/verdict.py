@@ -21,6 +21,7 @@ import xarray as xr
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.support.declared import Declared, checked
+from exumob.support.dimensions import DIMENSIONS
 from exumob.support.errors import SimulationError
 from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Vehicle
@@ -73,8 +74,8 @@ class VerdictLimits(Declared):
     """Commanded speed of the tread below which standing is what is wanted"""
     swept_speed: Annotated[float, SPEED] = 0.02
     """Least speed against or aside of the commanded motion that counts as being swept away or sliding"""
-    swept_angle: Annotated[float, ANGLE] = math.radians(30.0)
-    """Least angle between the course and the commanded one that counts as such"""
+    swept_angle: Annotated[float, ANGLE] = math.radians(45.0)
+    """Least angle between the course and the commanded one that counts as such: by default, more aside than ahead"""
     wheel_load: Annotated[float, SHARE] = 0.05
     """Share of the weight on the wheels below which the vehicle is afloat"""
     tilt: Annotated[float, ANGLE] = math.radians(45.0)
@@ -211,14 +212,37 @@ def judge(run: xr.Dataset, limits: VerdictLimits | None = None, vehicle: Vehicle
         missing.append("water_load")
     if missing:
         raise ValueError(f"judge: the run has no {', '.join(missing)}; a verdict needs what `simulate` records.")
-    parameters = json.loads(run.attrs.get("parameters", "{}"))
-    stored = parameters.get("vehicle")
-    if vehicle is None and stored is None:
-        raise ValueError("judge: the run does not hold its vehicle; give vehicle=...")
-    size = _Dimensions.of(next(iter(stored.values())) if vehicle is None else asdict(vehicle))
-    water = next(iter((parameters.get("water") or {"": None}).values()))
+    water = next(iter((_parameters(run).get("water") or {"": None}).values()))
     depth = 0.0 if water is None else float(water["depth"])
-    return _judged(run, limits, size, depth)
+    return _judged(run, limits, _dimensions(run, vehicle), depth)
+
+
+def wheel_load_share(run: xr.Dataset, vehicle: Vehicle | None = None) -> Array:
+    """Return the share of the weight that the wheels bear [-], shape (n,).
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        As for `judge`.
+    vehicle : Vehicle, optional
+        Default: the vehicle that the run's attribute ``parameters`` holds.
+    """
+    borne = run["soil_force"].sel(axis="z").sum("wheel").values.astype(float)
+    return np.asarray(borne / _dimensions(run, vehicle).weight)
+
+
+def _parameters(run: xr.Dataset) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(run.attrs.get("parameters", "{}"))
+    return found
+
+
+def _dimensions(run: xr.Dataset, vehicle: Vehicle | None) -> _Dimensions:
+    if vehicle is not None:
+        return _Dimensions.of(asdict(vehicle))
+    stored = _parameters(run).get("vehicle")
+    if stored is None:
+        raise ValueError("judge: the run does not hold its vehicle; give vehicle=...")
+    return _Dimensions.of(next(iter(stored.values())))
 
 
 def _judged(run: xr.Dataset, limits: VerdictLimits, size: _Dimensions, depth: float) -> Verdict:
@@ -236,15 +260,17 @@ def _judged(run: xr.Dataset, limits: VerdictLimits, size: _Dimensions, depth: fl
             flags[:finite, n], lasted = _held(time[:finite], found, span)
             held = np.flatnonzero(flags[:, n])
             if len(held):
-                until = math.nan if lasted else float(time[held[-1]])
+                until = math.nan if lasted else round(float(time[held[-1]]), 6)
                 text = found.text.format(_reported(kind, found.value[held]))
-                conditions.append(Condition(kind, float(time[held[0]]), until, text))
+                conditions.append(Condition(kind, round(float(time[held[0]]), 6), until, text))
     status, cause = str(run.attrs.get("status", "")), str(run.attrs.get("cause", ""))
     broke = status.startswith("broke down")
     if cause in CONDITIONS and cause not in [found.kind for found in conditions]:
         conditions.append(Condition(cause, _end_of(status, time), math.nan, ""))
         conditions.sort(key=lambda found: list(CONDITIONS).index(found.kind))
-    ended = f"the run {status.split(':')[0]}" if broke or status.startswith("interrupted") else ""
+    ended = ""
+    if broke or status.startswith("interrupted"):
+        ended = f"the run {'' if broke else 'was '}{status.split(':')[0]}"
     worst = next((found for found in conditions if found.lasted), None)
     if worst is None and broke:
         before = [str(found) for found in conditions]
@@ -294,9 +320,8 @@ def with_verdict(run: xr.Dataset, verdict: Verdict) -> xr.Dataset:
         "units": "1", "long_name": "condition holds",
         "comment": "; ".join(f"{kind}: {text}" for kind, text in CONDITIONS.items()),
     }  # fmt: skip
-    return run.assign_coords(condition=list(CONDITIONS)).assign(
-        verdict_flag=(("time", "condition"), verdict.flags, about)
-    )
+    names = ("condition", list(CONDITIONS), {"units": "1", "long_name": DIMENSIONS["condition"]})
+    return run.assign_coords(condition=names).assign(verdict_flag=(("time", "condition"), verdict.flags, about))
 
 
 def verdict_of(run: xr.Dataset) -> Verdict | None:
@@ -366,14 +391,16 @@ def _findings(
     )  # fmt: skip
 
     motion = _Motion.of(run, size)
+    average = _Motion(*map(mean, motion))
     commanded = mean(np.abs(motion.tread))
     wanted = commanded > standstill
-    stray, against = motion.stray(limits, mean, wanted, least)
-    pushed = motion.pushed(mean, wanted, against) | (wet & (mean_load < limits.wheel_load))
-    strayed_now = motion.stray_speed(wanted, against)
+    strays, against = average.strays(wanted, limits.swept_angle, least)
+    strays_now, _ = motion.strays(np.abs(motion.tread) > standstill, limits.swept_angle, least)
+    pushed = average.pushed(wanted, against) | (wet & (mean_load < limits.wheel_load))
+    speed = motion.stray_speed(wanted, against)
     text = "{:.2g} m/s against or aside of the motion that its wheels are commanded"
-    swept = _Finding(strayed_now > least, stray & pushed, strayed_now, text)
-    slides = _Finding(strayed_now > least, stray & ~pushed, strayed_now, text)
+    swept = _Finding(strays_now, strays & pushed, speed, text)
+    slides = _Finding(strays_now, strays & ~pushed, speed, text)
 
     afloat = _Finding(
         wet & (load < limits.wheel_load), wet & (mean_load < limits.wheel_load), 100.0 * load,
@@ -427,22 +454,30 @@ class _Motion(NamedTuple):
         """Speed in the direction in which the wheels roll [m/s]."""
         return np.asarray(self.forward * np.where(self.tread < 0.0, -1.0, 1.0))
 
-    def stray(self, limits: VerdictLimits, mean: Any, wanted: Flags, least: float) -> tuple[Flags, Flags]:
-        """Say where the vehicle moves otherwise than commanded, on average, and where it moves against that."""
-        ahead, aside = mean(self.ahead), np.abs(mean(self.aside))
-        drifting = np.hypot(mean(self.forward), mean(self.lateral)) > least
-        against = wanted & (ahead < -least)
-        across = (aside > least) & (aside > math.tan(limits.swept_angle) * ahead)
-        return np.where(wanted, against | across, drifting), against
+    def strays(self, wanted: Flags, angle: float, least: float) -> tuple[Flags, Flags]:
+        """Say when the vehicle moves otherwise than commanded, and when it moves against that.
 
-    def pushed(self, mean: Any, wanted: Flags, against: Flags) -> Flags:
-        """Say where the water pushes in the direction of that motion."""
-        forward = mean(self.push_forward) * mean(self.forward)
-        lateral = mean(self.push_lateral) * mean(self.lateral)
+        Parameters
+        ----------
+        wanted : array of bool, shape (n,)
+            The wheels are commanded to turn.
+        angle : float
+            Least angle to the commanded course [rad].
+        least : float
+            Least speed [m/s].
+        """
+        aside = np.abs(self.aside)
+        against = wanted & (self.ahead < -least)
+        across = (aside > least) & (aside > math.tan(angle) * self.ahead)
+        return np.where(wanted, against | across, np.hypot(self.forward, self.lateral) > least), against
+
+    def pushed(self, wanted: Flags, against: Flags) -> Flags:
+        """Say when the water pushes in the direction of that motion."""
+        forward, lateral = self.push_forward * self.forward, self.push_lateral * self.lateral
         return np.asarray(np.where(wanted, np.where(against, forward, lateral), forward + lateral) > 0.0)
 
     def stray_speed(self, wanted: Flags, against: Flags) -> Array:
-        """Speed of that motion now [m/s]; negative where it is the other way."""
+        """Speed of that motion [m/s]; negative where it is the other way."""
         speed = np.hypot(self.forward, self.lateral)
         return np.asarray(np.where(wanted, np.where(against, -self.ahead, np.abs(self.aside)), speed))
 
@@ -481,17 +516,18 @@ def _mean_ahead(time: Array, values: Array, span: float) -> Array:
 def _held(time: Array, found: _Finding, span: float) -> tuple[Flags, bool]:
     """Say when a condition held that lasted for `span` [s], and whether it held to the end.
 
-    It held in every span over which it does on average, from the first to the last instant therein at which it does by
-    itself.
+    It lasts over a span if it holds on average and for half of the instants at least: a short jolt of any strength is
+    none. It is then said to hold from the first to the last instant therein at which it does by itself.
     """
     full = time + span <= time[-1] + 1e-9
+    lasting = found.ahead & full & (_mean_ahead(time, found.now.astype(float), span) > 0.5 - 1e-9)
     last = int(np.flatnonzero(full)[-1])
     held = np.zeros(len(time), bool)
     lasts = False
-    for first, end in _stretches(found.ahead & full):
+    for first, end in _stretches(lasting):
         covered = np.flatnonzero((time >= time[first]) & (time <= time[end] + span + 1e-9))
-        now = covered[found.now[covered]]
-        begin, stop = (now[0], now[-1]) if len(now) else (covered[0], covered[-1])
+        covered = covered[found.now[covered]]
+        begin, stop = covered[0], covered[-1]
         if end == last:
             lasts, stop = True, len(time) - 1
         held[begin : stop + 1] = True

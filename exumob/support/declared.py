@@ -269,8 +269,11 @@ def _either(kinds: list[_Kind]) -> _Kind:
 def _whole_number(quantity: Quantity | None) -> _Kind:
     bounds = f", {quantity.bounds}" if quantity is not None and quantity.bounds else ""
 
+    def fits(value: Any) -> bool:  # time spans of numpy count as whole numbers, but are no index
+        return isinstance(value, Integral) and not isinstance(value, bool) and hasattr(type(value), "__index__")
+
     def check(name: str, value: Any) -> Any:
-        if not isinstance(value, Integral) or isinstance(value, bool):
+        if not fits(value):
             raise _refused(name, value, f"a whole number{bounds}")
         number = int(value)
         if abs(number) > 2**62:
@@ -279,7 +282,7 @@ def _whole_number(quantity: Quantity | None) -> _Kind:
             quantity.check(name, number)
         return number
 
-    return _Kind(lambda value: isinstance(value, Integral) and not isinstance(value, bool), check, "a whole number")
+    return _Kind(fits, check, "a whole number")
 
 
 def _flag() -> _Kind:
@@ -323,14 +326,17 @@ def _choice(values: tuple[Any, ...]) -> _Kind:
     names = [repr(value) for value in values]
     wanted = (", ".join(names[:-1]) + " or " if names[:-1] else "") + names[-1]
 
-    def fits(value: Any) -> bool:
+    def found(value: Any) -> list[Any]:
         plain = str(value) if isinstance(value, str) else value  # a text of numpy, or of an enumeration
-        return any(type(plain) is type(known) and plain == known for known in values)
+        return [known for known in values if type(plain) is type(known) and plain == known]
+
+    def fits(value: Any) -> bool:
+        return bool(found(value))
 
     def check(name: str, value: Any) -> Any:
         if not fits(value):
             raise ValueError(f"{name} = {shown(value)} is not known; use {wanted}.")
-        return value
+        return found(value)[0]
 
     return _Kind(fits, check, wanted)
 

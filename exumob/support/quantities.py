@@ -73,8 +73,19 @@ def unusual(value: float) -> float:
     --------
     >>> from exumob import Water, unusual
     >>> mercury = Water(depth=0.1, density=unusual(13_534.0))
+
+    Raises
+    ------
+    ValueError
+        If it is no number.
     """
-    return Unusual(value)
+    try:
+        number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    except (OverflowError, ValueError, TypeError):
+        number = math.nan
+    if math.isnan(number):
+        raise ValueError(f"unusual.value = {shown(value)} is not a number; give one, in SI units.")
+    return Unusual(number)
 
 
 class Quantity:

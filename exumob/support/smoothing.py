@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from exumob.support.arrays import Array
+from exumob.support.arrays import Array, checked_array
 from exumob.support.checks import require_positive
 
 WINDOW = 0.015
@@ -31,8 +31,14 @@ def smoothed(values: ArrayLike, interval: float, window: float = WINDOW) -> Arra
     Returns
     -------
     array, shape (n, ...)
+
+    Raises
+    ------
+    ValueError
+        If values are masked or no numbers.
     """
-    samples = np.asarray(values, dtype=float)
+    dimensions = ["n", *(f"n_{k}" for k in range(1, np.ndim(values)))]
+    samples = checked_array("smoothed.values", values, tuple(dimensions), finite=False)
     n, half = len(samples), window_samples(interval, window) // 2
     index = np.arange(n)
     reach = np.minimum(half, np.minimum(index, n - 1 - index))

@@ -14,14 +14,15 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
-from exumob.support.checks import require_within
+from exumob.support.declared import Declared
 from exumob.support.files import atomic_write
+from exumob.support.quantities import Quantity, shown
 from exumob.surrogates.inputs import INPUTS, PAPER_INPUTS
 from exumob.surrogates.network_kernels import (
     OutputLayers,
@@ -34,6 +35,7 @@ from exumob.surrogates.network_kernels import (
 )
 from exumob.vehicle.motion import BODIES, HISTORY_STEP, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
+from exumob.water.mesh_file import mesh_digest
 
 FORMAT, VERSION = "exumob networks", 1
 SAMPLING = HISTORY_STEP
@@ -51,37 +53,30 @@ GEOMETRY = (
 
 
 @dataclass(frozen=True)
-class Architecture:
+class Architecture(Declared):
     """Inputs and layers of the five networks."""
 
     inputs: tuple[str, ...] = PAPER_INPUTS
     """Names of the input features, from `exumob.surrogates.inputs.INPUTS`"""
-    taps: int = 3
+    taps: Annotated[int, Quantity("1", at_least=1, at_most=1000)] = 3
     """Instants in the input window: now and those before"""
-    stride: int = 1
-    """Interval between them [ms]"""
+    stride: Annotated[int, Quantity("ms", at_least=1, at_most=1000)] = 1
+    """Interval between them"""
     layer: Literal["lstm", "dense", "polynomial"] = "lstm"
     """First layer; ``"polynomial"`` is a regression without any"""
-    width: int = 400
+    width: Annotated[int, Quantity("1", at_least=1, at_most=4096)] = 400
     """Units of the first layer"""
-    dense: int = 100
+    dense: Annotated[int, Quantity("1", at_least=1, at_most=4096)] = 100
     """Units of the dense layer that follows"""
-    degree: int = 3
+    degree: Annotated[int, Quantity("1", at_least=1, at_most=6)] = 3
     """Degree of the polynomial"""
     base: Literal["none", "coefficients"] = "none"
     """Model to whose wrenches those of the network are added"""
 
-    def __post_init__(self) -> None:
+    def _check(self) -> None:
         unknown = [name for name in self.inputs if name not in INPUTS]
         if unknown or not self.inputs:
             raise ValueError(f"Architecture.inputs: {unknown or 'nothing'} is not known; use {', '.join(INPUTS)}.")
-        if self.layer not in ("lstm", "dense", "polynomial"):
-            raise ValueError(f"Architecture.layer = {self.layer!r} is not known; use 'lstm', 'dense' or 'polynomial'.")
-        if self.base not in ("none", "coefficients"):
-            raise ValueError(f"Architecture.base = {self.base!r} is not known; use 'none' or 'coefficients'.")
-        require_within("Architecture", 1, 1000, taps=self.taps, stride=self.stride)
-        require_within("Architecture", 1, 4096, width=self.width, dense=self.dense)
-        require_within("Architecture", 1, 6, degree=self.degree)
         if self.layer == "polynomial" and self.taps != 1:
             raise ValueError(f"Architecture.taps = {self.taps}: a polynomial is quasi-steady; use 1.")
 
@@ -178,22 +173,31 @@ class NetworkSet:
             with safe_open(path, "np") as stream:
                 header = json.loads((stream.metadata() or {}).get("exumob", "{}"))
                 arrays = {name: stream.get_tensor(name) for name in stream.keys()}
-        except (SafetensorError, json.JSONDecodeError) as error:
+        except (SafetensorError, OSError, ValueError, TypeError, RecursionError) as error:
             raise ValueError(f"{path} is not a file of networks ({error}); `exumob train` makes them.") from None
-        if header.get("format") != FORMAT:
+        if not isinstance(header, dict) or header.get("format") != FORMAT:
             raise ValueError(f"{path} holds arrays, but not exumob's networks; `exumob train` makes them.")
-        if header["version"] != VERSION:
+        if header.get("version") != VERSION:
             raise ValueError(
-                f"{path} is of version {header['version']} and this program reads {VERSION}; train again with "
-                "`exumob train`."
+                f"{path} is of version {shown(header.get('version'))} and this program reads {VERSION}; train again "
+                "with `exumob train`."
             )
+        about, given = header.get("about"), header.get("architecture")
         known = {field.name for field in fields(Architecture)}
-        given = header["architecture"]
-        if set(given) != known:
-            raise ValueError(f"{path}: its architecture has {sorted(set(given) ^ known)} too many or too few.")
-        architecture = Architecture(**(given | {"inputs": tuple(given["inputs"])}))
+        if not isinstance(given, dict) or set(given) != known:
+            wrong = sorted(set(given) ^ known) if isinstance(given, dict) else sorted(known)
+            raise ValueError(f"{path}: its architecture has {', '.join(wrong)} too many or too few; train again.")
+        if not isinstance(about, dict) or not _is_geometry(about.get("geometry")):
+            raise ValueError(
+                f"{path}: the header does not say for which vehicle the networks were trained (about, geometry); take "
+                "the file that `exumob train` wrote."
+            )
+        try:
+            architecture = Architecture(**given)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
         _check_arrays(architecture, arrays, path)
-        return cls(architecture, arrays, header["about"])
+        return cls(architecture, arrays, about)
 
     @classmethod
     def stacked(cls, sets: Sequence[NetworkSet]) -> NetworkSet:
@@ -310,6 +314,8 @@ def geometry(vehicle: Vehicle) -> dict[str, Any]:
         for part in name.split("."):
             value = getattr(value, part)
         found[name] = value if value is None or isinstance(value, int | float) else str(value)
+    if vehicle.hull.mesh is not None:
+        found["hull.mesh"] = f"contents {mesh_digest(vehicle.hull)[:16]}"  # a path does not say which shape
     return found
 
 
@@ -332,6 +338,12 @@ def window_rows(time: Array, taps: int, stride: int) -> NDArray[np.intp]:
     return np.asarray(np.clip(rows, 0, len(time) - 1))
 
 
+def _is_geometry(found: Any) -> bool:
+    return isinstance(found, dict) and set(found) >= set(GEOMETRY) - {"hull.mesh"} and not any(
+        isinstance(value, dict | list) for value in found.values()
+    )  # fmt: skip
+
+
 def _check_arrays(architecture: Architecture, arrays: dict[str, Single], path: Path) -> None:
     """Refuse arrays that are missing, not finite or of another shape."""
     k, n = len(architecture.inputs), len(WRENCH_COMPONENTS)
@@ -341,7 +353,12 @@ def _check_arrays(architecture: Architecture, arrays: dict[str, Single], path: P
     for name, shape in shapes.items():
         if name not in arrays:
             raise ValueError(f"{path}: {name} is missing; the file is incomplete, train again with `exumob train`.")
-        if arrays[name].shape != (5, *shape) or not np.isfinite(arrays[name]).all():
+        array = arrays[name]
+        if array.shape != (5, *shape) or array.dtype.kind != "f" or not np.isfinite(array).all():
             raise ValueError(
-                f"{path}: {name} has shape {arrays[name].shape} or is not finite; it must be {(5, *shape)}."
+                f"{path}: {name} is of shape {array.shape} and type {array.dtype}, or not finite; it must be finite "
+                f"numbers of shape {(5, *shape)}. The file is damaged: take a copy, or train again with `exumob train`."
             )
+    for name in ("input_scale", "output_scale"):
+        if (arrays[name] <= 0.0).any():
+            raise ValueError(f"{path}: {name} must be > 0; the file is damaged, train again with `exumob train`.")

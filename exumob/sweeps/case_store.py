@@ -34,7 +34,7 @@ STATUSES = ("completed", "broke down", "refused", "failed", "out of time", "kill
 """How a case can end: with a result; with a `SimulationError`; with a ``ValueError`` on its values; with another error;
 stopped at its own time limit; with its process, twice."""
 
-Function = Callable[[Case], "xr.Dataset | Mapping[str, float]"]
+Function = Callable[[Case], "xr.Dataset | Mapping[str, float | str]"]
 """Takes the values of a case by name; returns a Dataset of `exumob.simulate` or numbers by name."""
 
 
@@ -166,7 +166,7 @@ class CaseStore:
         """Keep how a case ended: its status, the reason, the wall time [s] and the values found."""
         row = {
             "parameters": self.cases[number], "status": status, "reason": reason, "wall_time": wall,
-            "values": {name: float(value) for name, value in values.items()},
+            "values": {name: value if isinstance(value, str) else float(value) for name, value in values.items()},
         }  # fmt: skip
         write_text(self._file(number), json.dumps(row, default=str))
         (self.folder / "begun" / f"{number}.json").unlink(missing_ok=True)
@@ -205,7 +205,7 @@ class CaseStore:
         """Gather all rows as one Dataset along ``case``."""
         rows = [self.read(number) for number in range(len(self.cases))]
         names = sorted({name for row in rows for name in row["values"]})
-        columns = {name: np.array([row["values"].get(name, math.nan) for row in rows], float) for name in names}
+        columns = {name: _results([row["values"].get(name) for row in rows]) for name in names}
         parameters = {name: ("case", _column([case[name] for case in self.cases])) for name in self.names}
         return xr.Dataset(
             {name: ("case", values) for name, values in columns.items()}
@@ -266,6 +266,13 @@ def write_text(file: Path, text: str) -> None:
 
 def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _results(values: list[Any]) -> np.ndarray:
+    """Column of results; nan, or an empty text, where a case has none."""
+    if any(isinstance(value, str) for value in values):
+        return np.array(["" if value is None else str(value) for value in values])
+    return np.array([math.nan if value is None else value for value in values], float)
 
 
 def _column(values: list[Any]) -> np.ndarray:

@@ -11,6 +11,7 @@ from exumob.flow import FlowSolver, Poses
 from exumob.flow.output.snapshots import Snapshot, snapshots_dataset
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
+from exumob.support.dimensions import with_described_names
 from exumob.support.smoothing import smoothed
 from exumob.towing_tank.checks import front_wheel_angles
 from exumob.vehicle.motion import BODIES, WHEELS, quaternions
@@ -101,9 +102,9 @@ class CaptiveRecord:
                 "quaternion_component": ["w", "x", "y", "z"],
             },
         )
-        if not self.snapshots:
-            return dataset
-        return dataset.merge(snapshots_dataset(self.solver.grid, self.snapshots))
+        if self.snapshots:
+            dataset = dataset.merge(snapshots_dataset(self.solver.grid, self.snapshots))
+        return with_described_names(dataset)
 
     def _loads(self, n: int, interval: float) -> dict[str, Array]:
         loads = np.array(self.loads[:n]).reshape(n, len(PARTS), 5, 6)

@@ -17,6 +17,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, Tread
+from exumob.flow.bed import require_bed
 from exumob.flow.cost import FlowCost, flow_cost, require_room
 from exumob.flow.grid import CELL_SIZE
 from exumob.flow.resolution import checked_solids
@@ -35,6 +36,7 @@ from exumob.towing_tank.motion import CaptiveMotion, PrescribedMotion
 from exumob.towing_tank.record import CaptiveRecord
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
+from exumob.water.mesh_file import mesh_provenance
 
 logger = logging.getLogger(__name__)
 
@@ -130,8 +132,11 @@ def captive_run(  # the front door of captive runs: each argument is a choice of
         raise ValueError(f"captive_run.settings: FlowSettings.follow = {settings.follow}; it must be 0, the hull.")
     steering_range = check_motion(motion, vehicle, water, duration)
     _warn_of_late_ramp(motion, duration)
+    way = _way(motion, vehicle, water, duration)
     if grid is None:
-        grid = vehicle_window(vehicle, cell_size, water, terrain, _way(motion, vehicle, water, duration))
+        grid = vehicle_window(vehicle, cell_size, water, terrain, way)
+    if terrain is not None:
+        require_bed(terrain, grid, way)
     cost = _checked_cost(grid, settings, _fastest(motion, vehicle, water, duration), (steps, every, interval))
     solids = checked_solids(vehicle, grid, steering_range, allow_coarse, tread)
     announce(f"captive run of {vehicle.name}, {duration:g} s: {cost}.", cost.seconds)
@@ -186,7 +191,7 @@ class _Run:
     def result(self, status: str) -> xr.Dataset:
         """Return the record with all that it takes to understand and repeat the run."""
         return self.record.dataset(self.interval).assign_attrs(
-            provenance() | {
+            provenance() | mesh_provenance(self.vehicle.hull) | {
                 "title": f"exumob captive run of {self.vehicle.name}",
                 "status": status,
                 "parameters": parameters_json(self.parameters),

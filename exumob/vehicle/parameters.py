@@ -55,7 +55,8 @@ class Hull(Declared):
     inertia: Annotated[tuple[float, float, float] | None, Quantity("kg m^2", above=0.0, at_most=1e12)] = None
     """(I_xx, I_yy, I_zz) about the centre of mass; None: a uniform box of this size and mass"""
     mesh: Path | None = None
-    """Watertight surface (STL, OBJ ...) in the design frame [m] that replaces the box for the water; needs trimesh"""
+    """Watertight surface (STL, OBJ ...) in the design frame [m] that replaces the box, with its wheel arches; needs
+    trimesh. `length`, `width` and `height` stay its overall sizes; `exumob.water.mesh_file` says what is refused"""
 
     def _check(self) -> None:
         require_within(
@@ -244,10 +245,12 @@ class Vehicle(Declared):
 
     def _check(self) -> None:
         gap = 0.5 * (self.track - self.wheel.width - self.hull.width)
-        if gap < 0.0 and self.hull.ground_clearance < self.wheel.diameter:
+        is_box = self.hull.mesh is None  # a mesh has its wheel arches: `exumob.water.mesh_file` looks at it
+        if is_box and gap < 0.0 and self.hull.ground_clearance < self.wheel.diameter:
             raise ValueError(
-                f"Vehicle.track = {self.track} m puts the tyres {-gap:.3f} m inside the hull; it must be at least "
-                f"hull.width + wheel.width = {self.hull.width + self.wheel.width:.3f} m."
+                f"Vehicle.track = {self.track} m puts the tyres {-gap:.3f} m inside the hull, a box; it must be at "
+                f"least hull.width + wheel.width = {self.hull.width + self.wheel.width:.3f} m. A body over the wheels "
+                "needs Hull.mesh, a surface with wheel arches; or give the width between the tyres as Hull.width."
             )
         if self.wheelbase <= self.wheel.diameter or self.track <= self.wheel.width:
             raise ValueError(

@@ -138,7 +138,7 @@ def hump_dip() -> list[Check]:
     about 2 % off the dip (Lamb, art. 246).
     """
     speed, depth, height, length = 0.42, 0.2, 0.02, 4.0
-    terrain = across(lambda x: height * np.cos(math.pi * np.clip(x / length, -0.5, 0.5)) ** 2, -3.0, 3.0, 0.1)
+    terrain = across(lambda x: height * np.cos(math.pi * np.clip(x / length, -0.5, 0.5)) ** 2, -5.0, 5.0, 0.1)
     grid = Grid.uniform((-5.0, 0.0, -0.02), (5.0, 0.32, 0.32), (0.08, 0.08, 0.02))
     settings = replace(TANK, far_x=True, absorbing_width=2.0)
     solver = FlowSolver(grid, (), Water(depth, speed, 0.0), settings, terrain)
@@ -232,7 +232,7 @@ def step_reflection() -> list[Check]:
         return rise * (0.5 + 0.5 * np.sin(math.pi * np.clip(x / 0.2, -0.5, 0.5)))
 
     grid = Grid.uniform((-4.4, 0.0, -0.02), (2.4, 0.16, 0.24), (0.04, 0.04, 0.02))
-    solver = FlowSolver(grid, (), Water(deep), TANK, across(bed, -0.5, 0.5, 0.02))
+    solver = FlowSolver(grid, (), Water(deep), TANK, across(bed, -4.4, 2.4, 0.02))
     solver.start()
     c1, c2 = math.sqrt(GRAVITY * deep), math.sqrt(GRAVITY * shallow)
     x, xf = centers(grid.x_faces), grid.x_faces

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numba import njit
@@ -17,9 +18,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.motion import BodyStates
 from exumob.water.conditions import Water
 from exumob.water.wetted_surface import Integers, Surface
+
+ROTATION = Quantity("1", shape=(3, 3))
+POSITION = Quantity("m", at_least=-1e9, at_most=1e9, shape=(3,))
+LEVEL = Quantity("m", at_least=-1e4, at_most=1e4)
+DENSITY = Quantity("kg/m^3", above=0.0, plausible=(700.0, 1500.0))
 
 WET_INTEGRALS = np.dtype(
     [
@@ -52,10 +60,16 @@ class Wetted:
     area, and the plan area of a fully immersed body (half of it when only the bottom is wet)"""
 
 
+@checked
 def hydrostatic_wrench(
-    surface: Surface, rotation: ArrayLike, position: ArrayLike, level: float, density: float = 1000.0, *,
+    surface: Surface,
+    rotation: Annotated[ArrayLike, ROTATION],
+    position: Annotated[ArrayLike, POSITION],
+    level: Annotated[float, LEVEL],
+    density: Annotated[float, DENSITY] = 1000.0,
+    *,
     pore_pressure: bool = True,
-) -> Array:  # fmt: skip
+) -> Array:
     """Return the force and moment of still water on a body, in the body's own axes about its origin.
 
     Parameters
@@ -77,6 +91,11 @@ def hydrostatic_wrench(
     -------
     array, shape (6,)
         Force [N], moment [N m].
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite or of another shape, or if `rotation` is no rotation.
     """
     total, _ = _integrals(surface, rotation, position, level)
     wrench = total["exposed_wrench"] + total["buried_wrench"] if pore_pressure else total["exposed_wrench"]
@@ -98,7 +117,13 @@ def still_water_wrenches(surfaces: Sequence[Surface], states: BodyStates, water:
     return np.array([hydrostatic_wrench(*pose, water.depth, water.density) for pose in poses])
 
 
-def wetted(surface: Surface, rotation: ArrayLike, position: ArrayLike, level: float) -> Wetted:
+@checked
+def wetted(
+    surface: Surface,
+    rotation: Annotated[ArrayLike, ROTATION],
+    position: Annotated[ArrayLike, POSITION],
+    level: Annotated[float, LEVEL],
+) -> Wetted:
     """Measure the part of a body's surface under water; parameters as for `hydrostatic_wrench`."""
     total, area_moments = _integrals(surface, rotation, position, level)
     submerged, buried = float(total["submerged_volume"]), float(total["buried_volume"])
@@ -112,7 +137,10 @@ def _integrals(
     surface: Surface, rotation: ArrayLike, position: ArrayLike, level: float
 ) -> tuple[np.record, Array]:  # fmt: skip
     """Return the record and the area moments of `wet_integrals` for a body at a position."""
-    up = np.ascontiguousarray(np.asarray(rotation, dtype=float)[2])
+    turn = np.asarray(rotation, dtype=float)
+    if np.abs(turn @ turn.T - np.eye(3)).max() > 1e-6 or np.linalg.det(turn) < 0.0:
+        raise ValueError("rotation is no rotation matrix: its rows must be orthogonal unit vectors, right-handed.")
+    up = turn[2].copy()
     height = float(np.asarray(position, dtype=float)[2])
     total, area_moments = np.zeros(1, WET_INTEGRALS), np.zeros((surface.n_cells, 3, 4))
     wet_integrals(surface.triangles, surface.cells, up, height, float(level), total, area_moments, clipping_space())

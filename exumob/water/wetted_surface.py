@@ -7,19 +7,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from exumob.support.arrays import Array
+from exumob.support.arrays import Array, checked_array
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Vehicle
-from exumob.water.mesh_file import check_extent, mesh_triangles
+from exumob.water.mesh_file import hull_mesh
 
 HULL_STRIPS = 12
 """Strips along the hull; each is split at the centre plane into a port and a starboard cell."""
 
 WHEEL_SEGMENTS = 24
 """Flat faces round a wheel's tread; with 24 the lift of a part-wet wheel is within 0.05 % of the cylinder's."""
+
+SIZE = Quantity("m", above=0.0, at_most=1e6)
 
 Integers = NDArray[np.int64]
 
@@ -35,11 +40,24 @@ class Surface:
     cells : array of int, shape (n,)
         Cell of each triangle, 0 ... n_cells - 1.
     n_cells : int
+
+    Raises
+    ------
+    ValueError
+        If shapes do not agree, a corner is not finite, or a cell is none of 0 ... n_cells - 1.
     """
 
     triangles: Array
     cells: Integers
     n_cells: int = 1
+
+    def __post_init__(self) -> None:
+        triangles = checked_array("Surface.triangles", self.triangles, ("n", 3, 3))
+        cells = checked_array("Surface.cells", self.cells, (len(triangles),))
+        if len(cells) and not (cells.min() >= 0 and cells.max() < self.n_cells and (cells == np.floor(cells)).all()):
+            raise ValueError(f"Surface.cells must be whole numbers from 0 to n_cells - 1 = {self.n_cells - 1}.")
+        object.__setattr__(self, "triangles", triangles.copy())  # kernels are compiled for arrays that can be written
+        object.__setattr__(self, "cells", cells.astype(np.int64))
 
     @property
     def volume(self) -> float:
@@ -55,7 +73,13 @@ class Surface:
         return six_volumes @ (a + b + c) / (4.0 * six_volumes.sum())
 
 
-def box_surface(length: float, width: float, height: float, center: ArrayLike = (0.0, 0.0, 0.0)) -> Surface:
+@checked
+def box_surface(
+    length: Annotated[float, SIZE],
+    width: Annotated[float, SIZE],
+    height: Annotated[float, SIZE],
+    center: Annotated[ArrayLike, Quantity("m", at_least=-1e9, at_most=1e9, shape=(3,))] = (0.0, 0.0, 0.0),
+) -> Surface:
     """Return a box with its edges along the body's axes.
 
     Parameters
@@ -71,7 +95,12 @@ def box_surface(length: float, width: float, height: float, center: ArrayLike = 
     return Surface(triangles, np.zeros(len(triangles), dtype=np.int64))
 
 
-def cylinder_surface(radius: float, width: float, segments: int = WHEEL_SEGMENTS) -> Surface:
+@checked
+def cylinder_surface(
+    radius: Annotated[float, SIZE],
+    width: Annotated[float, SIZE],
+    segments: Annotated[int, Quantity("1", at_least=3, at_most=100_000)] = WHEEL_SEGMENTS,
+) -> Surface:
     """Return a cylinder about the body's y axis: a prism with the cylinder's exact volume.
 
     Parameters
@@ -88,6 +117,17 @@ def cylinder_surface(radius: float, width: float, segments: int = WHEEL_SEGMENTS
     return Surface(triangles, np.zeros(len(triangles), dtype=np.int64))
 
 
+def hull_triangles(vehicle: Vehicle) -> Array:
+    """Return the surface of the hull, box or mesh, about its centre of mass: triangles [m], shape (n, 3, 3).
+
+    Raises
+    ------
+    ValueError
+        If the hull's mesh cannot be used: see `exumob.water.mesh_file`.
+    """
+    return _triangulated(_hull_faces(vehicle))
+
+
 def hull_surface(vehicle: Vehicle) -> Surface:
     """Return the surface of the hull about its centre of mass, in `HULL_STRIPS` strips of a port and a starboard cell.
 
@@ -98,11 +138,7 @@ def hull_surface(vehicle: Vehicle) -> Surface:
     ValueError
         If the hull's mesh cannot be used: see `exumob.water.mesh_file`.
     """
-    hull = vehicle.hull
-    faces = _prism_faces(hull.side_profile(), hull.width) if hull.mesh is None else list(mesh_triangles(hull.mesh))
-    if hull.mesh is not None:
-        check_extent(hull, np.concatenate(faces))
-    faces = [face - vehicle.hull_origin for face in faces]
+    faces = _hull_faces(vehicle)
     edges = strip_edges(np.concatenate(faces))
     for x in edges[1:-1]:
         faces = _split_at_plane(faces, axis=0, position=float(x))
@@ -110,6 +146,13 @@ def hull_surface(vehicle: Vehicle) -> Surface:
     middle = triangles.mean(axis=1)
     strips = np.clip(np.searchsorted(edges, middle[:, 0]) - 1, 0, HULL_STRIPS - 1)
     return Surface(triangles, 2 * strips.astype(np.int64) + (middle[:, 1] > 0.0), 2 * HULL_STRIPS)
+
+
+def _hull_faces(vehicle: Vehicle) -> list[Array]:
+    """Convex faces of the hull about its centre of mass [m]."""
+    hull = vehicle.hull
+    faces = _prism_faces(hull.side_profile(), hull.width) if hull.mesh is None else list(hull_mesh(vehicle))
+    return [face - vehicle.hull_origin for face in faces]
 
 
 def wheel_surface(vehicle: Vehicle) -> Surface:

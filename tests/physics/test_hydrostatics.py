@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from exumob.support.constants import GRAVITY
 from exumob.vehicle.vehicle_file import load_vehicle
 from exumob.water.hydrostatics import hydrostatic_wrench, wetted
-from exumob.water.mesh_file import mesh_triangles
 from exumob.water.wetted_surface import (
+    Surface,
     body_surfaces,
     box_surface,
     cylinder_surface,
@@ -243,23 +242,33 @@ def test_mesh_hull_equals_the_box_hull(vehicle, tmp_path):
     np.testing.assert_allclose(actual, expected, atol=1e-4)  # STL holds single precision
 
 
-def test_bad_meshes_are_refused(tmp_path):
-    trimesh = pytest.importorskip("trimesh")
-    box = trimesh.creation.box((1.0, 0.4, 0.2))
-    inverted, holed = box.copy(), box.copy()
-    inverted.invert()
-    holed.update_faces(np.arange(len(box.faces)) > 0)
-    inverted.export(tmp_path / "inverted.stl")
-    holed.export(tmp_path / "holed.stl")
-    with pytest.raises(ValueError, match="inwards"):
-        mesh_triangles(tmp_path / "inverted.stl")
-    with pytest.raises(ValueError, match="not watertight"):
-        mesh_triangles(tmp_path / "holed.stl")
-    with pytest.raises(FileNotFoundError, match=r"hull\.stl"):
-        mesh_triangles(tmp_path / "hull.stl")
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"position": np.ma.masked_greater([0.0, 0.0, 1.0], 0.5)}, "position: 1 of 3 values is masked"),
+        ({"position": [0.0, math.nan, 1.0]}, "position: 1 of 3 values is not finite"),
+        ({"position": [0.0, 1.0]}, r"position has shape \(2,\)"),
+        ({"rotation": np.eye(2)}, r"rotation has shape \(2, 2\)"),
+        ({"rotation": 2.0 * np.eye(3)}, "rotation is no rotation matrix"),
+        ({"rotation": np.diag([1.0, 1.0, -1.0])}, "rotation is no rotation matrix"),
+        ({"level": math.inf}, "level = inf is not a finite number"),
+        ({"density": 1.0}, "density = 1.0 kg/m.3 is outside the plausible range"),
+        ({"surface": None}, "surface = None"),
+    ],
+)
+def test_bad_input_is_named(changes, message):
+    arguments = {"surface": box_surface(1.0, 1.0, 1.0), "rotation": np.eye(3), "position": [0, 0, 1], "level": 1.0}
+    with pytest.raises(ValueError, match=message):
+        hydrostatic_wrench(**(arguments | changes))
 
 
-def test_missing_trimesh_says_how_to_get_it(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "trimesh", None)
-    with pytest.raises(ImportError, match=r"exumob\[mesh\]"):
-        mesh_triangles(tmp_path / "hull.stl")
+def test_bad_surfaces_are_named():
+    triangles = box_surface(1.0, 1.0, 1.0).triangles
+    with pytest.raises(ValueError, match=r"Surface\.cells has shape \(3,\)"):
+        Surface(triangles, np.zeros(3, np.int64))
+    with pytest.raises(ValueError, match=r"from 0 to n_cells - 1 = 0"):
+        Surface(triangles, np.ones(len(triangles), np.int64))
+    with pytest.raises(ValueError, match=r"Surface\.triangles: 1 of 108 values is masked"):
+        Surface(np.ma.array(triangles, mask=np.arange(108).reshape(12, 3, 3) == 5), np.zeros(12, np.int64))
+    with pytest.raises(ValueError, match=r"length = -1\.0 m must be > 0"):
+        box_surface(-1.0, 1.0, 1.0)

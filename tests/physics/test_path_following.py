@@ -200,7 +200,7 @@ def test_resumed_run_has_the_same_bits(tmp_path):
 @pytest.mark.parametrize(
     ("options", "match"),
     [
-        ({"waypoints": ((0.0, 0.0),)}, r"waypoints has shape \(1, 2\)"),
+        ({"waypoints": ((0.0, 0.0),)}, r"waypoints has 1 point\(s\)"),
         ({"waypoints": ((0.0, 0.0), (0.0, 0.0))}, "coincide"),
         ({"waypoints": ((0.0, 0.0), (math.nan, 0.0))}, "finite"),
         ({"control_step": 0.0}, "control_step"),
@@ -218,3 +218,16 @@ def test_bad_paths_and_gains(options, match):
 def test_driver_may_not_steer_beyond_the_vehicle():
     with pytest.raises(ValueError, match=r"Steering\.limit"):
         simulate(amphibious_vehicle(), Soil.published("LETE sand"), None, PathFollowing(max_steering=1.2), duration=0.1)
+
+
+@pytest.mark.parametrize(
+    ("waypoints", "match"),
+    [
+        (((456_789.0, 5_432_101.0), (456_799.0, 5_432_101.0)), r"no nearer .* than .*subtract the place of the start"),
+        (((30.0, 0.0), (40.0, 0.0)), r"than 29\.643 m, at \(30, 0\) m; 10 m at most"),
+        (((-5.0, 40.0), (5.0, 40.0)), "than 40 m"),
+    ],
+)
+def test_a_path_far_from_the_start(waypoints, match):
+    with pytest.raises(ValueError, match=match):
+        simulate(amphibious_vehicle(), Soil.published("LETE sand"), None, PathFollowing(waypoints), duration=0.1)

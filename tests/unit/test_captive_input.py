@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from exumob.driving.maneuver import lane_change
 from exumob.flow import FlowSettings, Grid
 from exumob.flow.resolution import check_resolution
+from exumob.ground.terrain import Terrain
 from exumob.support.smoothing import smoothed, window_samples
 from exumob.towing_tank.motion import CaptiveMotion
 from exumob.towing_tank.run import captive_run
@@ -210,3 +211,16 @@ class Lying:
 def test_motion_whose_velocity_is_wrong_is_refused():
     with pytest.raises(ValueError, match=r"velocity of \w+ at .* is 0\.1 off the derivative"):
         captive_run(VEHICLE, WATER, Lying(), **COARSE)
+
+
+@pytest.mark.parametrize(
+    ("terrain", "message"),
+    [
+        (Terrain(heights=np.zeros((20, 20)), origin=(-1.0, -1.0), spacing=0.1), r"x = -1 to 0\.9 m .*pad it"),
+        (Terrain(heights=np.zeros((20, 20)), origin=(456_789.0, 5_432_101.0)), "subtract the place of the start"),
+        (Terrain(heights=np.zeros((9, 90)), origin=(-4.0, -0.4), spacing=0.1), "the flow's window on its way"),
+    ],
+)
+def test_a_bed_that_ends_within_the_window(terrain, message):
+    with pytest.raises(ValueError, match=message):
+        captive_run(VEHICLE, WATER, terrain=terrain, **COARSE)

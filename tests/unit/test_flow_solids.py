@@ -28,8 +28,26 @@ def test_distances_to_shapes():
 
 
 def test_mesh_of_a_box_is_the_box():
-    pytest.importorskip("trimesh")
     mesh = mesh_solid(box_surface(0.3, 0.2, 0.1).triangles, spacing=0.01)
     points = np.random.default_rng(3).uniform(-0.2, 0.2, (200, 3)) * [1.0, 0.7, 0.5]
     exact = box(0.3, 0.2, 0.1).distance(points)
     assert np.abs(mesh.distance(points) - exact).max() < 0.005
+
+
+def test_mesh_of_many_triangles_has_the_distances_of_its_shape():
+    """A ball of 1,280 triangles: flat faces lie up to 0.3 % of the radius inside it."""
+    trimesh = pytest.importorskip("trimesh")
+    ball = mesh_solid(trimesh.creation.icosphere(3, 0.2).triangles, spacing=0.02)
+    points = np.random.default_rng(4).uniform(-0.25, 0.25, (300, 3))
+    exact = np.linalg.norm(points, axis=1) - 0.2
+    away = exact > -0.12  # at the centre the distance has a kink
+    assert np.abs(ball.distance(points) - exact)[away].max() < 0.002
+    assert ((ball.distance(points) < 0.0) == (exact < 0.0))[np.abs(exact) > 0.002].all()
+
+
+def test_an_unsound_mesh_is_refused():
+    triangles = box_surface(0.3, 0.2, 0.1).triangles
+    with pytest.raises(ValueError, match="mesh_solid is not watertight"):
+        mesh_solid(triangles[1:], spacing=0.01)
+    with pytest.raises(ValueError, match="mesh_solid consists of 2 closed bodies"):
+        mesh_solid(np.concatenate([triangles, triangles + 0.05]), spacing=0.01)

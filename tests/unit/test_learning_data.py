@@ -12,6 +12,7 @@ from exumob.learning.dataset import VARIABLES, load_runs, pack
 from exumob.learning.importing import import_histories
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
 from exumob.simulation.result_files import save_dataset
+from exumob.simulation.verdict import VerdictLimits, judge
 from exumob.vehicle.motion import BODIES
 from vehicle_models.amphibious import amphibious_vehicle
 
@@ -76,7 +77,7 @@ def test_packed_run_holds_motion_and_loads(run, tmp_path):
     save_dataset(pack(run.assign_attrs(scenario="D60/U1")), file)
     packed = load_runs([file])["D60/U1"]
     assert set(VARIABLES) < set(packed.data_vars)
-    assert all(v.dtype == np.float32 for v in packed.data_vars.values())
+    assert all(v.dtype == (np.float64 if name == "position" else np.float32) for name, v in packed.data_vars.items())
     assert packed["water_wrench"].values == pytest.approx(run["water_wrench"].values, rel=1e-6, abs=1e-6)
     assert "vehicle" in packed.attrs["parameters"]
     assert packed["water_wrench_smooth"].attrs["units"] == "N, N m"
@@ -88,6 +89,16 @@ def test_smoothed_loads_are_not_late(run):
     raw, smooth = (packed[name].values[:, 0, 0].astype(float) for name in ("water_wrench", "water_wrench_smooth"))
     apart = [np.abs(np.roll(raw, shift)[50:-50] - smooth[50:-50]).mean() for shift in (-10, -5, 0, 5, 10)]
     assert np.argmin(apart) == 2
+
+
+def test_packed_run_keeps_its_verdict_and_can_be_judged_again(run):
+    """Single precision changes the sentence by no digit; limits that make it stuck give the same onset."""
+    packed = pack(run)
+    assert packed.attrs["verdict"] == run.attrs["verdict"] == "drives"
+    assert judge(packed).sentence == run.attrs["verdict_sentence"]
+    strict = VerdictLimits(stuck_share=0.9)
+    assert judge(packed, strict).kind == "stuck"
+    assert judge(packed, strict).since == pytest.approx(judge(run, strict).since, abs=2e-3)
 
 
 def test_run_that_broke_down_is_not_packed(run):
@@ -157,6 +168,8 @@ def assert_same_run(found, run, motion=1e-3, loads=1e-3):
 def test_own_run_comes_back_from_csv(run, tmp_path):
     file = write_csv(tmp_path / "theirs.csv", columns_of(run), SI)
     found = import_histories(file, WATER, scenario="D60/U1")
+    with pytest.raises(ValueError, match="no wheel_speed, sinkage, soil_force; a verdict needs"):
+        judge(found)
     assert_same_run(found, run)
     save_dataset(found, tmp_path / "found.nc")
     assert list(load_runs([tmp_path / "found.nc"])) == ["D60/U1"]

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import xarray as xr
+from made_up_runs import made_up_run
 
-from exumob.mobility.crossing import FAILURES, Crossing, Limits, judge
+from exumob.mobility.crossing import FAILURES, Crossing, Limits, judge_crossing
 from exumob.mobility.map import Axis, MobilityMap
+from exumob.mobility.map_figure import FAILURE_COLORS
+from exumob.simulation.verdict import CONDITIONS, VerdictLimits
 from exumob.support.errors import SimulationError
 from exumob.support.quantities import unusual
 from exumob.sweeps.experiment import amphibious_crossing
@@ -18,55 +20,64 @@ QUICK = replace(amphibious_crossing(), hydrodynamics="coefficients", duration=1.
 BRIEF = Limits(window=0.5)
 
 
-def run_at(speed=1.0, sideways=0.0, roll=0.0, load=0.9, outside=False):
-    """A run of 4 s at constant velocity."""
-    time = np.linspace(0.0, 4.0, 41)
-    position = np.zeros((41, 1, 3))
-    position[:, 0, 0], position[:, 0, 1] = speed * time, sideways * time
-    macro = time[:-1]
-    return xr.Dataset(
-        {
-            "position": (("time", "body", "axis"), position),
-            "roll": (("time", "body"), np.full((41, 1), roll)),
-            "pitch": (("time", "body"), np.zeros((41, 1))),
-            "slip_ratio": (("time", "wheel"), np.full((41, 4), 0.3)),
-            "spin_power": (("time", "wheel"), np.full((41, 4), 25.0)),
-            "soil_force": (("time", "wheel", "axis"), np.full((41, 4, 3), load * 100.0 * 9.81 / 4)),
-            "mass": ("body", [100.0]),
-            "hydrodynamics_out_of_range": (("macro_time", "body"), np.full((40, 1), outside)),
-        },
-        coords={"time": time, "macro_time": macro, "body": ["hull"], "axis": ["x", "y", "z"]},
-    )
+def run_at(outside=False, **given):
+    """A run of 4 s, by default at 1 m/s with 90 % of the weight on the wheels."""
+    run = made_up_run(end=4.0, step=0.1, **{"forward": 1.0, "load": 0.9, "push": (0.0, 20.0)} | given)
+    macro = run["time"].values[:-1]
+    return run.assign(
+        hydrodynamics_out_of_range=(("macro_time", "body"), np.full((len(macro), 5), outside)),
+    ).assign_coords(macro_time=macro)
 
 
 @pytest.mark.parametrize(
-    ("given", "failure"),
+    ("given", "failure", "since"),
     [
-        ({}, "none"),
-        ({"speed": 0.61}, "none"),
-        ({"speed": 0.59}, "too slow"),
-        ({"speed": 0.04}, "stuck"),
-        ({"speed": -0.5}, "stuck"),
-        ({"sideways": 0.08}, "none"),
-        ({"sideways": 0.09}, "pushed aside"),
-        ({"sideways": -0.09}, "pushed aside"),
-        ({"roll": 0.6, "speed": 0.1}, "tipped"),
-        ({"load": 0.04}, "afloat"),
+        ({}, "none", math.nan),
+        ({"forward": 0.61}, "none", math.nan),
+        ({"forward": 0.59}, "too slow", math.nan),
+        ({"tread": 0.0, "forward": 0.0}, "too slow", math.nan),
+        ({"forward": 0.04}, "stuck", 0.0),
+        ({"forward": -0.5, "push": (-9.0, 0.0)}, "swept away", 0.0),
+        ({"forward": -0.5, "depth": 0.0}, "slides", 0.0),
+        ({"lateral": 0.08}, "none", math.nan),
+        ({"lateral": 0.09}, "pushed aside", math.nan),
+        ({"lateral": -0.09}, "pushed aside", math.nan),
+        ({"roll": 0.9, "forward": 0.1}, "tipped", 0.0),
+        ({"roll": lambda t: 0.9 if t < 1.0 else 0.0}, "tipped", 0.0),
+        ({"load": 0.04}, "afloat", 0.0),
+        ({"load": lambda t: 0.0 if t > 1.95 else 0.9}, "afloat", 2.0),
+        ({"load": lambda t: 0.0 if t < 1.05 else 0.9}, "none", math.nan),  # over before the window
+        ({"load": lambda t: 0.0 if t < 2.55 else 0.9}, "afloat", 0.0),
+        ({"sinkage": 0.95}, "sunk", 0.0),
+        ({"depth": 0.5}, "submerged", 0.0),
     ],
 )
-def test_verdicts(given, failure):
-    found = judge(run_at(**given), Limits())
+def test_verdicts(given, failure, since):
+    found = judge_crossing(run_at(**given), Limits())
     assert FAILURES[int(found["failure"])] == failure
+    assert found["failure_since"] == pytest.approx(since, abs=1e-6, nan_ok=True)
     assert found["crossed"] == (failure == "none")
     assert found["power"] == pytest.approx(100.0)
-    assert found["speed"] == pytest.approx(given.get("speed", 1.0))
+    assert found["speed"] == pytest.approx(given.get("forward", 1.0))
+
+
+def test_every_condition_is_a_failure_and_old_maps_keep_their_numbers():
+    assert set(CONDITIONS) | {"broke down"} <= set(FAILURES)
+    before = ("none", "sunk", "afloat", "swept away", "tipped", "stuck", "too slow", "pushed aside", "broke down")
+    assert FAILURES[: len(before)] == before
+    assert len(FAILURE_COLORS) == len(FAILURES)
 
 
 def test_drift_is_over_the_width_and_range_over_the_window():
-    assert judge(run_at(speed=0.8, sideways=0.02), Limits())["drift"] == pytest.approx(0.3)
-    assert judge(run_at(outside=True), Limits())["out_of_range"] == 1.0
+    assert judge_crossing(run_at(forward=0.8, lateral=0.02), Limits())["drift"] == pytest.approx(0.3)
+    assert judge_crossing(run_at(outside=True), Limits())["out_of_range"] == 1.0
     with pytest.raises(ValueError, match=r"longer than Limits\.window"):
-        judge(run_at(), Limits(window=5.0))
+        judge_crossing(run_at(), Limits(window=5.0))
+
+
+def test_limits_of_the_verdict_are_limits_of_the_crossing():
+    strict = Limits(verdict=VerdictLimits(wheel_load=0.95))
+    assert FAILURES[int(judge_crossing(run_at(), strict)["failure"])] == "afloat"
 
 
 def test_a_run_with_water_is_judged():
@@ -91,7 +102,7 @@ def test_vehicles_that_cannot_even_stand(values, failure):
 
 
 def test_a_breakdown_outside_the_range_says_so():
-    outside = run_at(outside=True)
+    outside = run_at(outside=True, status="broke down at 4.0000 s: Newton did not converge")
 
     def broken(values):
         error = SimulationError("Newton did not converge")
@@ -138,5 +149,7 @@ def test_bad_maps_are_refused_before_anything_runs():
     networks = Crossing(replace(QUICK, hydrodynamics="networks"), BRIEF)
     with pytest.raises(ValueError, match="trained"):
         MobilityMap(networks, scatter={"hull.length": Normal(1.0, 0.02)})
-    with pytest.raises(ValueError, match="stuck"):
-        Limits(stuck_speed=0.7)
+    with pytest.raises(ValueError, match=r"Limits\.drift"):
+        Limits(drift=0.0)
+    with pytest.raises(ValueError, match=r"Limits\.verdict"):
+        Limits(verdict=0.1)

@@ -19,7 +19,7 @@ from exumob.driving.maneuver import Recorded
 from exumob.ground.terrain import Terrain
 from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.simulation.run import simulate
-from exumob.simulation.summary import energy_residual, force_residual, summary
+from exumob.simulation.summary import FIGURES, energy_residual, force_residual, summary
 from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
 from exumob.water.conditions import Water
 
@@ -29,9 +29,8 @@ STEPS = {"duration": 0.06, "micro_step": 5e-4, "macro_step": 20e-3}
 
 
 def test_every_variable_has_units_and_a_name(short_run):
-    numbers = [name for name, v in short_run.variables.items() if v.dtype.kind in "fi"]
-    assert len(numbers) > 30
-    lacking = [n for n in numbers if not short_run[n].attrs.get("units") or not short_run[n].attrs.get("long_name")]
+    assert len(short_run.variables) > 50
+    lacking = [n for n, v in short_run.variables.items() if not (v.attrs.get("units") and v.attrs.get("long_name"))]
     assert lacking == []
 
 
@@ -195,6 +194,19 @@ def test_summary_of_a_real_run(dry_run):
     assert figures["real_time_factor"] == pytest.approx(8.0 / figures["wall_time"])
 
 
+def test_runs_carry_their_verdict(dry_run, wet_run, short_run):
+    for run, verdict in ((dry_run, "drives"), (wet_run, "drives"), (short_run, "too short to tell")):
+        assert run.attrs["verdict"] == summary(run)["verdict"] == verdict
+        assert np.isnan(summary(run)["verdict_since"])
+        assert not run["verdict_flag"].any()
+    assert wet_run.attrs["verdict_sentence"] == "drives: 0.57 m/s, 57 % of the speed of its tyres at the end"
+
+
+def test_units_of_all_key_figures_are_known(wet_run):
+    assert set(summary(wet_run)) <= set(FIGURES)
+    assert "verdict" not in summary(circle())  # it holds too little for one
+
+
 def test_force_and_energy_residuals_see_an_error(short_run):
     """Checks that can fail: a force or a work left out shows up in full."""
     broken = short_run.assign(soil_load=short_run["soil_load"] * 0.9, work=short_run["work"] + 1.0)
@@ -217,7 +229,7 @@ def test_round_trip(short_run, tmp_path):
 
 
 def test_figures_of_a_loaded_run_are_the_same(short_run, tmp_path):
-    assert summary(load_dataset(save_dataset(short_run, tmp_path / "run.nc"))) == summary(short_run)
+    np.testing.assert_equal(summary(load_dataset(save_dataset(short_run, tmp_path / "run.nc"))), summary(short_run))
 
 
 def test_saving_over_an_older_result_replaces_it(short_run, tmp_path):

@@ -143,6 +143,13 @@ def test_map_coordinates_lose_nothing():
         assert there == pytest.approx(here, abs=1e-8)
 
 
+def test_a_place_that_is_none_has_no_height(hills):
+    terrain, nodes = hills.as_arrays()
+    assert np.isnan(terrain_height(terrain[0], nodes, math.nan, 3.0)).all()
+    assert np.isnan(terrain_height(terrain[0], nodes, 0.0, math.nan)).all()
+    assert terrain_height(terrain[0], nodes, 1e300, -1e300)[1:] == (0.05, -0.02)
+
+
 def test_knows_what_it_holds():
     field = Terrain(heights=np.zeros((5, 9)), origin=(456_789.0, 5_432_101.0), spacing=(0.5, 0.25))
     assert field.extent == (456_789.0, 456_793.0, 5_432_101.0, 5_432_102.0)
@@ -164,7 +171,7 @@ GAP[1, 2] = -9999.0
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"slope_x": 3.0}, "slope_x = 3 must be >= -2 and <= 2; slopes are rise over run"),
+        ({"slope_x": 3.0}, "slope_x = 3.0 must be >= -2 and <= 2; slopes are rise over run"),
         ({"height": math.nan}, "height = nan is not a finite number"),
         ({"heights": np.zeros(4)}, r"heights has shape \(4,\)"),
         ({"heights": np.zeros((1, 4))}, r"heights has shape \(1, 4\)"),
@@ -179,11 +186,11 @@ GAP[1, 2] = -9999.0
             r"from 120 m at \[1, 1\] to 0 m .*89.5 deg.*If 0 marks",
         ),
         ({"heights": 1e3 * np.arange(6.0).reshape(2, 3), "spacing": 0.5}, "Terrain.steepest = 5 as at 7 pairs"),
-        ({"heights": DEM.astype(object)}, "holds float objects|not numbers"),
+        ({"heights": DEM.astype(object)}, "not numbers"),
         ({"heights": DEM.astype(str)}, "holds texts"),
         ({"heights": DEM > 0.0}, "holds logical values"),
         ({"heights": DEM + 0j}, "holds complex values"),
-        ({"heights": np.zeros((3, 3)), "spacing": 0.0}, "spacing = 0 m must be > 0"),
+        ({"heights": np.zeros((3, 3)), "spacing": 0.0}, "spacing = 0.0 m must be > 0"),
         ({"heights": np.zeros((3, 3)), "spacing": (0.1, -0.1)}, r"spacing\[1\] = -0.1 m must be > 0.*heights\[::-1\]"),
         ({"heights": np.zeros((3, 3)), "spacing": (0.1, 0.1, 0.1)}, "spacing = .* has 3 values; it must have 2"),
         ({"heights": np.zeros((3, 3)), "spacing": 2.8e-4}, "plausible range"),
@@ -207,3 +214,10 @@ def test_a_step_that_is_meant_passes():
 def test_angle_in_degrees_is_rejected():
     with pytest.raises(ValueError, match="radians"):
         Terrain.slope(20.0)
+
+
+def test_a_field_that_does_not_fit_into_memory(monkeypatch):
+    monkeypatch.setattr("exumob.support.cost.memory_limit", lambda: 1e6)
+    with pytest.raises(ValueError, match=r"Terrain\.heights of 100 by 200 points: about .* of memory.*cut out"):
+        Terrain(heights=np.zeros((100, 200)))
+    assert Terrain(heights=np.zeros((10, 20))).extent == (0.0, 19.0, 0.0, 9.0)
