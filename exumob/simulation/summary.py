@@ -86,12 +86,13 @@ def summary(dataset: xr.Dataset) -> dict[str, Any]:
         "spin_energy": float(dataset["work"].sel(work_kind="spin")[-1]),
         "wall_time": wall,
         "real_time_factor": end / wall if wall > 0.0 else float("inf"),
-        **_range_shares(dataset),
+        **range_shares(dataset),
         **_member_spreads(dataset),
     }
 
 
-def _range_shares(dataset: xr.Dataset) -> dict[str, float]:
+def range_shares(dataset: xr.Dataset) -> dict[str, float]:
+    """Return ``out_of_range_share`` and ``fallback_share`` of a run with networks (see `summary`); else nothing."""
     if "hydrodynamics_out_of_range" not in dataset:
         return {}
     return {
