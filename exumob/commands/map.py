@@ -62,7 +62,7 @@ def map_command(  # one argument an option of the command line
     from dataclasses import replace
 
     from exumob.mobility.crossing import Crossing, Limits
-    from exumob.mobility.map import SCATTER, Axis, MobilityMap, compute_map
+    from exumob.mobility.map import SCATTER, Axis, MobilityMap, compute_map, table, verdict_lines
     from exumob.sweeps.experiment import amphibious_crossing
     from exumob.sweeps.run import Progress
     from exumob.vehicle.vehicle_file import load_vehicle
@@ -92,18 +92,12 @@ def map_command(  # one argument an option of the command line
     except KeyboardInterrupt:
         errors.print(f"Stopped; the same command goes on with {output}.", soft_wrap=True)
         raise typer.Exit(130) from None
-    for panel in result["panel"].values:
-        at = result.sel(panel=panel)
-        known = at["out_of_range"] <= wanted.crossing.limits.range_share
-        go = (at["probability"] >= 0.5) & known
-        console.print(
-            f"{panel}: go at {int(go.sum())}, no go at {int((known & ~go).sum())}, outside the training range at "
-            f"{int((~known).sum())} of {go.size} nodes",
-            soft_wrap=True,
-        )
+    for text in verdict_lines(result):
+        console.print(text, soft_wrap=True)
+    console.print(f"trust     {result.attrs['trust']}", soft_wrap=True)
     console.print(f"result    {output / 'map.nc'}", soft_wrap=True)
     if csv is not None:
-        result.to_dataframe().to_csv(csv)
+        table(result).to_csv(csv, index=False)
         console.print(f"table     {csv}", soft_wrap=True)
     if figure is not None:
         import matplotlib

@@ -9,25 +9,31 @@ from __future__ import annotations
 
 import functools
 import itertools
+import json
 import logging
 import math
+import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, is_dataclass, replace
+from operator import attrgetter
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from exumob.mobility.crossing import FAILURES, Crossing
-from exumob.mobility.lattice import Lattice
+from exumob.mobility.lattice import CONFIDENCE, Lattice, fewest_runs, sides
 from exumob.simulation.result_files import save_dataset
 from exumob.support.arrays import Array
 from exumob.support.cost import require_memory
-from exumob.support.declared import Declared, checked
+from exumob.support.declared import Declared, checked, declared_fields
+from exumob.support.files import atomic_write
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity
 from exumob.surrogates.networks import GEOMETRY
+from exumob.sweeps.experiment import STEPS, Experiment
 from exumob.sweeps.run import Progress, sweep
 from exumob.sweeps.sampling import (
     ANY,
@@ -40,6 +46,7 @@ from exumob.sweeps.sampling import (
     require_room_for,
     sample,
 )
+from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)
 
@@ -134,6 +141,12 @@ class MobilityMap(Declared):
                     if (x, y) == (self.x.high, self.y.high) and (n == 0 or shaped):
                         tried.check()
 
+    def trust(self) -> dict[str, str | float]:
+        """Say what the runs of the map are worth, as attributes (see `Experiment.trust`)."""
+        corners = itertools.product((self.x.low, self.x.high), (self.y.low, self.y.high))
+        cases = [self.case(panel, x, y, {}) for x, y in corners for panel in self.panels.values()]
+        return self.crossing.experiment.trust(cases)
+
     def factors(self) -> list[Case]:
         """Draw the runs of a node: factors by name, and the number of the network."""
         runs = self.draws if self.scatter else 1
@@ -173,6 +186,124 @@ def _extreme(draws: list[Case]) -> list[Case]:
     return [draws[n] for n in sorted(chosen)]
 
 
+def quantity_of(experiment: Experiment, name: str) -> tuple[str, str]:
+    """Return the unit, as in netCDF, and the meaning of a parameter by its dotted name."""
+    if name == "water.depth_ratio":
+        return "1", "depth of the water over the tyres' diameter"
+    if name in STEPS:
+        return "s", name.replace("_", " ")
+    first, _, rest = name.rpartition(".")
+    owners = {
+        "soil": experiment.soil, "water": experiment.water or Water(1.0), "maneuver": experiment.maneuver,
+        "hydrodynamics": experiment.coefficients, "": experiment.vehicle,
+    }  # fmt: skip
+    owner = owners[first] if first in owners else attrgetter(first)(experiment.vehicle)
+    for declared in declared_fields(type(owner)) if is_dataclass(owner) else ():
+        if declared.name == rest:
+            unit = "1" if declared.quantity is None else declared.quantity.unit
+            return unit.replace("/s", " s-1"), re.split(r"[:;]|\. ", declared.meaning)[0].rstrip(".") or name
+    return "1", name
+
+
+def table(mapped: xr.Dataset) -> Any:
+    """Return the nodes of a map as a table (pandas) for people: names with units in the header, failures in words.
+
+    Parameters
+    ----------
+    mapped : xarray.Dataset
+        Result of `compute_map`.
+    """
+    failures = mapped.attrs["failures"].split(", ")
+    words = [failures[k] if k >= 0 else "interpolated" for k in mapped["failure"].values.ravel()]
+    named = mapped.assign(failure=(mapped["failure"].dims, np.reshape(words, mapped["failure"].shape)))
+    rows = named.to_dataframe().reset_index()
+    headers = {name: _header(name, mapped[name].attrs.get("units", "1")) for name in map(str, mapped.variables)}
+    headers |= {dim: _header(mapped.attrs[dim], mapped[dim].attrs.get("units", "1")) for dim in ("x", "y")}
+    return rows.rename(columns=headers | {"failure": "failure", "panel": "panel"})
+
+
+def verdict_lines(mapped: xr.Dataset) -> list[str]:
+    """Count the verdicts at the nodes that were computed, a line of text for each panel, and say how sure they are.
+
+    Parameters
+    ----------
+    mapped : xarray.Dataset
+        Result of `compute_map`.
+    """
+    has_range = bool(mapped["out_of_range"].notnull().any())
+    lines = []
+    for panel in mapped["panel"].values:
+        at = mapped.sel(panel=panel)
+        computed = at["runs"].values > 0
+        outside = computed & (np.nan_to_num(at["out_of_range"].values) > mapped.attrs["range_share"])
+        counts = computed & ~outside
+        go = counts & (at["probability"].values >= 0.5)
+        beyond = f", outside the training range at {int(outside.sum())}" if has_range else ""
+        rest = int((~computed).sum())
+        lines.append(
+            f"{panel}: go at {int(go.sum())}, no go at {int((counts & ~go).sum())}{beyond} of {int(computed.sum())} "
+            f"computed nodes{f' ({rest} more are interpolated)' if rest else ''}; {_how_sure(at, counts)}"
+        )
+    if not has_range:
+        lines.append("This model of the water has no training range: nothing says where it does not hold.")
+    return lines
+
+
+def _how_sure(at: xr.Dataset, counts: NDArray[np.bool_]) -> str:
+    """Say at how many of the nodes that count the runs decide between go and no-go."""
+    runs = int(at["runs"].max())
+    if runs <= 1:
+        return "one run a node, without scatter: no chance is known."
+    if runs < fewest_runs():
+        return f"{runs} runs decide at none of them, {fewest_runs()} could."
+    side = sides(at["probability_low"].values, at["probability_high"].values, 0.5)
+    return (
+        f"{runs} runs decide at {int((counts & (side > 0)).sum())} and {int((counts & (side < 0)).sum())} of these "
+        f"({100.0 * CONFIDENCE:.0f} % interval)."
+    )
+
+
+def _header(name: str, unit: str) -> str:
+    return f"{name} [{'-' if unit == '1' else unit.replace('m s-1', 'm/s')}]"
+
+
+def _claim(place: Path, wanted: MobilityMap) -> None:
+    """Note which map the folder holds.
+
+    Raises
+    ------
+    ValueError
+        If it holds another one.
+    """
+    file = place / "map.json"
+    description = json.loads(parameters_json({"map": wanted}))["map"]["MobilityMap"]
+    description.pop("levels")  # a map may be refined further
+    if file.is_file():
+        try:
+            kept = json.loads(file.read_text())
+        except ValueError:
+            raise ValueError(f"{file} is damaged; remove {place}, or give another folder.") from None
+        changed = _differences(kept, description)
+        if changed:
+            more = f", and {len(changed) - 3} more" if len(changed) > 3 else ""
+            raise ValueError(
+                f"{place} holds another map: {'; '.join(changed[:3])}{more}. Give another folder, or remove it."
+            )
+        return
+    place.mkdir(parents=True, exist_ok=True)
+    with atomic_write(file) as temporary:
+        temporary.write_text(json.dumps(description))
+
+
+def _differences(kept: Any, wanted: Any, name: str = "") -> list[str]:
+    if isinstance(kept, dict) and isinstance(wanted, dict):
+        parts = [
+            _differences(kept.get(k), wanted.get(k), f"{name}.{k}".lstrip(".")) for k in dict.fromkeys([*kept, *wanted])
+        ]
+        return [text for part in parts for text in part]
+    return [] if kept == wanted else [f"{name} was {kept}, and is {wanted}"]
+
+
 @checked
 def compute_map(
     wanted: MobilityMap, folder: str | Path, *, workers: int = 2, time_limit: float | None = 600.0, full: bool = False,
@@ -209,6 +340,7 @@ def compute_map(
         If a case fails with another error than a breakdown of the simulation.
     """
     place = Path(folder)
+    _claim(place, wanted)
     factors = wanted.factors()
     limits = wanted.crossing.limits
     level = wanted.levels if full else 0
@@ -237,12 +369,18 @@ def compute_map(
         if level == wanted.levels:
             break
         level, lattice = level + 1, lattice.refined()
-    result = lattice.dataset()
-    result.attrs |= provenance() | counts | {
+    has_range = wanted.crossing.experiment.hydrodynamics == "networks"
+    result = lattice.dataset(has_range)
+    for dim, axis in (("x", wanted.x), ("y", wanted.y)):
+        unit, text = quantity_of(wanted.crossing.experiment, axis.name)
+        result[dim].attrs |= {"units": unit, "long_name": text}
+    result["panel"].attrs |= {"units": "1", "long_name": "name of the map"}
+    result.attrs |= provenance() | wanted.trust() | counts | {
         "title": "exumob mobility map", "random_seed": wanted.seed, "parameters": parameters_json({"map": wanted}),
         "draws": len(factors), "computed_share": float((lattice.runs > 0).mean()), "failures": ", ".join(FAILURES),
         "x": wanted.x.name, "y": wanted.y.name, "least_speed": limits.speed, "largest_drift": limits.drift,
         "width": limits.width, "range_share": limits.range_share,
+        "training_range": "of the networks" if has_range else "none: this model of the water has none",
     }  # fmt: skip
     save_dataset(result, place / "map.nc")
     return result

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import functools
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,14 +15,17 @@ from typing import Annotated, Any, TypeVar, cast, get_args
 import numpy as np
 import xarray as xr
 
+from exumob.coupling.explicit import Explicit
 from exumob.driving.maneuver import ConstantSteer, LaneChange, Maneuver, lane_change
 from exumob.driving.path_following import PathFollowing
 from exumob.ground.soil import Soil
+from exumob.ground.terrain import Terrain
 from exumob.simulation.checks import check_steps
 from exumob.simulation.cost import require_room
-from exumob.simulation.description import Steps
+from exumob.simulation.description import RunDescription, Steps
 from exumob.simulation.run import simulate
 from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, SETTINGS, setting_named
+from exumob.simulation.trust import trust_of_all
 from exumob.simulation.water_models import DEFAULT_MODEL, MODELS, hydrodynamics_named
 from exumob.support import quantities
 from exumob.support.declared import Declared, DeclaredField, check_of, declared_fields
@@ -38,6 +42,8 @@ MANEUVERS: dict[str, Maneuver] = {
     "lane change": LaneChange(), "straight": ConstantSteer(), "path following": PathFollowing(),
 }  # fmt: skip
 """Values of ``maneuver``, with the maneuver that each name stands for."""
+COMPARED = 20
+"""Number of different values of a name that a sweep's line of trust looks at, unless they are numbers."""
 STEPS = ("duration", "micro_step", "macro_step", "record_step")
 """Fields of the time of a run [s]."""
 WHOLE = ("setting", "soil", "maneuver", "hydrodynamics")
@@ -315,6 +321,44 @@ class Experiment(Declared):
                 return replace(self, hydrodynamics="coefficients")
         fits = isinstance(hydrodynamics_named("auto", self.vehicle, self._wet()), SurrogateHydrodynamics)
         return replace(self, hydrodynamics="networks" if fits else "coefficients")
+
+    def description(self, hydrodynamics: Hydrodynamics) -> RunDescription:
+        """Describe the run with a model of the water's loads, as its line of trust needs it."""
+        usual_micro_step, usual_macro_step = setting_named(self.setting).steps(flow_in_loop=False)
+        steps = Steps(
+            self.duration, self.micro_step or usual_micro_step, self.macro_step or usual_macro_step, self.record_step
+        )
+        rolling = self.maneuver.wheel_speed(0.0)[0] * self.vehicle.wheel.radius
+        return RunDescription(
+            self.vehicle, self.soil, self.water, Terrain(), self.maneuver, hydrodynamics, Explicit(), steps, rolling
+        )
+
+    def trust(self, cases: Sequence[Mapping[str, Any]]) -> dict[str, str | float]:
+        """Say what the runs of a sweep are worth, as attributes (see `exumob.simulation.trust.trust_of_all`).
+
+        Of numbers the smallest and the largest of each name are compared, of other values each. Where cases choose
+        their model of the water by themselves, each model has a line of its own.
+        """
+        chosen: set[int] = set()
+        for name in cases[0] if cases else ():
+            values = [case[name] for case in cases]
+            if all(isinstance(value, int | float) for value in values):
+                chosen |= {int(np.argmin(values)), int(np.argmax(values))}
+            else:
+                chosen |= set(list({repr(value): n for n, value in enumerate(values)}.values())[:COMPARED])
+        found: dict[str, list[Experiment]] = {}
+        for case in [cases[n] for n in sorted(chosen)] or [{}]:
+            with contextlib.suppress(ValueError):  # values that do not go together have become rows
+                run = self.with_values(case)
+                found.setdefault(run.hydrodynamics, []).append(run)
+        attributes: dict[str, str | float] = {}
+        for runs in found.values():
+            wet = next((run for run in runs if run.water is not None), runs[0])
+            with contextlib.suppress(ValueError):
+                model = wet.water_model()
+                more = trust_of_all([run.description(model) for run in runs]).attributes()
+                attributes = more if not attributes else {"trust": f"{attributes['trust']} {more['trust']}"}
+        return attributes
 
     def check(self) -> None:
         """Raise ValueError if steps do not fit each other, or the networks were trained for another vehicle."""

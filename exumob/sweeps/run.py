@@ -135,6 +135,8 @@ def sweep(
             run_in_processes(store, workers, report_progress)
         report_progress()
         result = store.gather()
+        if isinstance(function, Experiment):
+            result.attrs |= function.trust(cases)
         store.save(result)
     return result
 
