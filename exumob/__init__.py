@@ -3,6 +3,10 @@
 vehicle, soil, water -> simulate(...) -> xarray.Dataset -> plotting
 """
 
+from exumob.support.caches import provide_cache
+
+provide_cache()  # before anything that Numba compiles is imported
+
 from exumob.driving.maneuver import ConstantSteer, LaneChange, Recorded, lane_change
 from exumob.driving.path_following import PathFollowing, lane_shift
 from exumob.ground.soil import Soil

@@ -18,7 +18,10 @@ that the same state gives the same bits. Units, axes and order of bodies: `FlowC
 velocity [m/s], three components; `P` is `{"position": n x 3, "rotation": n x 3 x 3, "velocity": n x 3,
 "angular_velocity": n x 3, "spin": n}`; `loads` are the mean wrenches on the n bodies. A code that cannot go on answers
 `{"error": "why, and what to do"}`: as the answer to "start" this becomes a ValueError, to anything else a
-SimulationError.
+SimulationError. Answers longer than 1 MiB, or 256 MiB for a state, end the run before they are read.
+
+Neither side runs code of the other: messages are data. The connection is not encrypted and nobody is asked for a
+password: use a tunnel (ssh -L) beyond machines that you trust.
 """
 
 from __future__ import annotations
@@ -27,21 +30,28 @@ import json
 import socket
 import struct
 from dataclasses import fields
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from exumob.flow.poses import Poses
-from exumob.support.arrays import Array
-from exumob.support.checks import require_positive
+from exumob.support.arrays import Array, checked_array
+from exumob.support.declared import checked
 from exumob.support.errors import SimulationError
 from exumob.support.provenance import parameters_json
+from exumob.support.quantities import Quantity, shown
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 
 LENGTH = struct.Struct(">I")
-LONGEST = 2**31
-"""Longest message that is accepted [bytes]; a code with larger states saves them in files of its own."""
+LONGEST_ANSWER = 1 << 20
+"""Longest answer with loads and figures that is accepted [bytes]."""
+LONGEST_STATE = 1 << 28
+"""Longest saved state that is accepted [bytes]; a code with larger ones keeps them in files and sends their names."""
+DEEPEST = 100
+"""Deepest nesting of lists and objects in a message."""
+MOST_FIGURES = 1000
+"""Most figures in a report."""
 
 
 class RemoteFlow:
@@ -57,15 +67,20 @@ class RemoteFlow:
         Description of the code and its settings: kept in results and compared when a run is resumed.
     """
 
+    @checked
     def __init__(
-        self, host: str = "localhost", port: int = 5005, *, timeout: float = 3600.0,
+        self,
+        host: str = "localhost",
+        port: Annotated[int, Quantity("1", at_least=1, at_most=65535)] = 5005,
+        *,
+        timeout: Annotated[float, Quantity("s", above=0.0, at_most=1e7)] = 3600.0,
         parameters: dict[str, Any] | None = None,
-    ) -> None:  # fmt: skip
-        require_positive("RemoteFlow", timeout=timeout)
+    ) -> None:
         self.address, self.timeout = (host, port), timeout
         self.parameters = parameters or {}
         self._socket: socket.socket | None = None
         self._report: dict[str, float] = {}
+        self._names: list[str] | None = None
 
     def start(self, vehicle: Vehicle, water: Water, poses: Poses, time: float) -> None:
         """See `FlowCode`.
@@ -84,6 +99,7 @@ class RemoteFlow:
                 raise ValueError(
                     f"RemoteFlow: no flow code answers at {host}:{port} ({error}); start it first, or give its address."
                 ) from None
+        self._names = None
         question = {
             "vehicle": json.loads(parameters_json({"vehicle": vehicle}))["vehicle"]["Vehicle"],
             "water": {"depth": water.depth, "density": water.density, "velocity": water.velocity.tolist()},
@@ -97,13 +113,28 @@ class RemoteFlow:
     def advance(self, time: float, poses: Poses) -> Array:
         """See `FlowCode`."""
         answer = self._ask("advance", time=time, poses=_as_lists(poses))
-        self._report = {name: float(value) for name, value in answer.get("report", {}).items()}
-        wrenches = np.asarray(answer.get("loads"), dtype=float)
-        if wrenches.shape != (len(poses.position), 6):
+        self._report = self._checked_report(answer.get("report", {}))
+        return _checked_loads(answer.get("loads"), len(poses.position), time)
+
+    def _checked_report(self, found: Any) -> dict[str, float]:
+        """Return the figures of an answer; SimulationError if they are none, or have other names than before."""
+        numbers = isinstance(found, dict) and all(
+            isinstance(value, int | float) and not isinstance(value, bool) for value in found.values()
+        )
+        if not numbers or len(found) > MOST_FIGURES:
             raise SimulationError(
-                f"RemoteFlow: loads of shape {wrenches.shape} came back; it must be ({len(poses.position)}, 6)."
+                f"RemoteFlow: the report {shown(found)} came back; it must be an object of at most {MOST_FIGURES} "
+                "numbers by name."
             )
-        return wrenches
+        if self._names is None:
+            self._names = sorted(found)
+        if sorted(found) != self._names:
+            other = sorted(set(found) ^ set(self._names))
+            raise SimulationError(
+                f"RemoteFlow: the names of the report have changed ({', '.join(other[:5])}); they must always be those "
+                "of the first answer."
+            )
+        return {name: _number(value) for name, value in found.items()}
 
     def save(self) -> Any:
         """See `FlowCode`; as text, so that it can be anything that JSON can hold."""
@@ -133,12 +164,25 @@ class RemoteFlow:
             raise SimulationError("RemoteFlow: not connected; call start first.")
         try:
             send(self._socket, {"do": what, **question})
-            answer = receive(self._socket)
-        except (OSError, EOFError, ValueError) as error:
+            answer = receive(self._socket, LONGEST_STATE if what == "save" else LONGEST_ANSWER)
+        except TimeoutError:
+            self._lose()
+            raise SimulationError(
+                f"RemoteFlow: the flow code gave no answer to {what!r} within {self.timeout:g} s; give a longer "
+                "timeout, or look what holds it up."
+            ) from None
+        except (OSError, EOFError, ValueError, RecursionError, OverflowError) as error:
+            self._lose()
             raise SimulationError(f"RemoteFlow: the flow code was lost during {what!r}: {error}") from None
         if "error" in answer:
-            raise SimulationError(f"RemoteFlow: {answer['error']}")
+            raise SimulationError(f"RemoteFlow: {str(answer['error'])[:2000]}")
         return answer
+
+    def _lose(self) -> None:
+        """Close a connection on which question and answer no longer fit together."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
 
 
 def send(stream: socket.socket, message: dict[str, Any]) -> None:
@@ -147,15 +191,48 @@ def send(stream: socket.socket, message: dict[str, Any]) -> None:
     stream.sendall(LENGTH.pack(len(text)) + text)
 
 
-def receive(stream: socket.socket) -> dict[str, Any]:
-    """Read one message; EOFError if the other side has gone."""
+def receive(stream: socket.socket, longest: int = LONGEST_STATE) -> dict[str, Any]:
+    """Read one message of at most so many bytes.
+
+    Raises
+    ------
+    EOFError
+        If the other side has gone.
+    ValueError
+        If the message is longer, or is not one JSON object.
+    """
     (length,) = LENGTH.unpack(_read_bytes(stream, LENGTH.size))
-    if length > LONGEST:
-        raise ValueError(f"a message of {length} bytes is longer than {LONGEST}; is this the right port?")
-    message = json.loads(_read_bytes(stream, length))
+    if length > longest:
+        raise ValueError(f"a message of {length} bytes is longer than {longest}; is this the right port?")
+    text = _read_bytes(stream, length)
+    if text.count(b"[") + text.count(b"{") > DEEPEST and _depth(text) > DEEPEST:
+        raise ValueError(f"a message is nested deeper than {DEEPEST}")
+    message = json.loads(text)
     if not isinstance(message, dict):
         raise ValueError("a message must be one JSON object")
     return message
+
+
+def _depth(text: bytes) -> int:
+    """Deepest nesting of brackets in a text; those within strings count, too."""
+    level = np.zeros(256, np.int8)
+    level[list(b"[{")], level[list(b"]}")] = 1, -1
+    return int(np.cumsum(level[np.frombuffer(text, np.uint8)], dtype=np.int64).max(initial=0))
+
+
+def _number(value: float) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf")
+
+
+def _checked_loads(found: Any, count: int, time: float) -> Array:
+    """Return loads that came back as an array, shape (count, 6); SimulationError if they are none, or not finite."""
+    try:
+        return checked_array("RemoteFlow: loads", found, (count, 6))
+    except ValueError as error:
+        raise SimulationError(f"{error} They came back for {time:.4f} s.") from None
 
 
 def _read_bytes(stream: socket.socket, count: int) -> bytes:

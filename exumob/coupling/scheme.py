@@ -219,6 +219,8 @@ class Trace:
             ("residual", self.residuals, "wrenches of the water less those that the vehicle felt, over the former"),
         ):
             attrs = {"units": "1", "long_name": text}
+            if name == "residual":
+                attrs["comment"] = "nan: the explicit scheme does not ask for it"
             found[name] = xr.DataArray(np.array(values), {"macro_time": time}, ("macro_time",), attrs=attrs)
         return found
 

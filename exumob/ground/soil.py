@@ -11,7 +11,7 @@ import numpy as np
 
 from exumob.ground.published_soils import SOIL_CLASSES, WONG_TABLE
 from exumob.support.declared import Declared, checked
-from exumob.support.quantities import Quantity
+from exumob.support.quantities import Quantity, shown
 
 SOIL_RECORD = np.dtype(
     [
@@ -102,8 +102,10 @@ class Soil(Declared):
     @checked
     def pressure(
         self,
-        sinkage: Annotated[float, Quantity("m", at_least=0.0, remedy="a plate that does not touch has no pressure.")],
-        width: Annotated[float, Quantity("m", above=0.0)],
+        sinkage: Annotated[
+            float, Quantity("m", at_least=0.0, at_most=1e3, remedy="a plate that does not touch has no pressure.")
+        ],
+        width: Annotated[float, Quantity("m", at_least=1e-6, at_most=1e6)],
     ) -> float:
         """Return the pressure under a flat plate [Pa].
 
@@ -134,6 +136,7 @@ class Soil(Declared):
         return record
 
     @classmethod
+    @checked
     def published(cls, name: str) -> Soil:
         """Return one of the 23 soils of `published_table` by its name in the table.
 
@@ -151,7 +154,7 @@ class Soil(Declared):
         near = [lowered[key] for key in difflib.get_close_matches(wanted, lowered, n=5, cutoff=0.4)]
         near += [entry for key, entry in lowered.items() if wanted and wanted in key and entry not in near]
         raise ValueError(
-            f"Soil.published: no soil is called {name!r}; "
+            f"Soil.published: no soil is called {shown(name)}; "
             + (
                 f"did you mean {', '.join(map(repr, near))}?"
                 if near

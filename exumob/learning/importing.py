@@ -13,24 +13,28 @@ checked. Loads act on the body about its origin: the hull's centre of mass, the 
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from exumob.learning.dataset import SAMPLING
+from exumob.learning.dataset import DOUBLE, SAMPLING, check_loads, check_motion
 from exumob.simulation.results import VARIABLES
 from exumob.support.arrays import Array
+from exumob.support.declared import checked
 from exumob.support.dimensions import with_described_names
+from exumob.support.files import read_netcdf
 from exumob.support.provenance import parameters_json, provenance
+from exumob.support.quantities import Quantity
 from exumob.support.smoothing import smoothed
+from exumob.support.tables import read_table
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.water.conditions import Water
 from exumob.water.flow_states import FLOW_STATES, flow_states
@@ -54,21 +58,24 @@ UNITS = {
     "none": {"": 1.0, "1": 1.0, "-": 1.0},
 }
 """Known units of each kind, with their factors to SI."""
+LARGEST_LOAD = 10.0
+"""Largest force of the water over density (g L + v^2) L^2, L the distance of the wheels [-]; chosen by us."""
 COARSEST = 0.01
 """Longest interval between samples that still resolves the water's loads [s]."""
 SPEED_TOLERANCE = 0.05
 """Largest difference of given speeds from those of the positions, rms over rms [-]."""
 
 
+@checked
 def import_histories(
-    file: str | Path,
+    file: Path,
     water: Water,
     *,
     names: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
     up: Literal["z", "-z"] = "z",
     load_axes: Literal["body", "world"] = "body",
-    bed: float = 0.0,
+    bed: Annotated[float, Quantity("m", at_least=-1e5, at_most=1e5)] = 0.0,
     scenario: str | None = None,
 ) -> xr.Dataset:
     """Read time histories of another program as a run to learn from, with a sample every millisecond.
@@ -100,14 +107,11 @@ def import_histories(
     Raises
     ------
     ValueError
-        If columns are missing, units unknown or not given, samples uneven, too far apart or not finite, or if motion
-        and loads contradict the axes given for them.
+        If columns are missing, units unknown or not given, samples uneven, too far apart or not finite, if motion
+        and loads contradict the axes given for them, if nothing moves, or if the loads are far beyond what the water
+        can exert.
     """
-    if up not in ("z", "-z"):
-        raise ValueError(f"import_histories.up = {up!r} is not known; use 'z' or '-z'.")
-    if load_axes not in ("body", "world"):
-        raise ValueError(f"import_histories.load_axes = {load_axes!r} is not known; use 'body' or 'world'.")
-    path = Path(file)
+    path = file
     columns = _Columns(path, dict(names or {}), dict(units or {}))
     time = columns.of("time")
     _check_time(time, path)
@@ -126,12 +130,14 @@ def import_histories(
         given = None if given is None else given * flip
     if load_axes == "world":
         loads = np.einsum("nbij,nbki->nbkj", rotation, loads.reshape(-1, 5, 2, 3)).reshape(-1, 5, 6)
+    check_motion(time, position, str(path))
     _check_places(position, rotation, path)
 
     states = _resampled(time - time[0], position, rotation)
     if given is not None:
         _check_speeds(time - time[0], given, states, path)
     wrench = np.stack([_line(time - time[0], loads[:, b], states.time) for b in range(5)], axis=1)
+    check_loads(states, wrench, water, str(path))
     _check_lift(states, wrench, path)
     return _dataset(states, wrench, water, path, scenario or path.stem)
 
@@ -176,13 +182,8 @@ class _Columns:
 
 
 def _read_csv(path: Path) -> dict[str, tuple[Array, str | None]]:
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        headers = next(csv.reader(stream, skipinitialspace=True))
-        rows = np.genfromtxt(stream, delimiter=",", ndmin=2)
-    if rows.shape[1] != len(headers):
-        raise ValueError(f"{path}: {len(headers)} names head {rows.shape[1]} columns; separate them by commas.")
     found: dict[str, tuple[Array, str | None]] = {}
-    for header, values in zip(headers, rows.T, strict=True):
+    for header, values in read_table(path).items():
         match = re.fullmatch(r"(.*?)\s*\[(.*)\]\s*", header)
         name, unit = (match[1], match[2].strip()) if match else (header.strip(), None)
         found[name] = (values, unit)
@@ -190,12 +191,11 @@ def _read_csv(path: Path) -> dict[str, tuple[Array, str | None]]:
 
 
 def _read_netcdf(path: Path) -> dict[str, tuple[Array, str | None]]:
-    with xr.open_dataset(path, decode_times=False) as data:
-        return {
-            str(name): (np.asarray(v.values, float), v.attrs.get("units"))
-            for name, v in data.variables.items()
-            if v.ndim == 1 and v.dtype.kind in "fiu"
-        }
+    return {
+        str(name): (np.asarray(v.values, float), v.attrs.get("units"))
+        for name, v in read_netcdf(path, decode_times=False).variables.items()
+        if v.ndim == 1 and v.dtype.kind in "fiu"
+    }
 
 
 def _stack(columns: _Columns, quantities: tuple[str, ...]) -> Array:
@@ -287,6 +287,11 @@ def _resampled(time: Array, position: Array, rotation: Array) -> BodyStates:
     )  # fmt: skip
 
 
+def _packed(name: str, values: Array) -> NDArray[Any]:
+    """Values in the precision of a packed run."""
+    return values.astype(np.float64 if name in DOUBLE else np.float32)
+
+
 def _dataset(states: BodyStates, wrench: Array, water: Water, path: Path, scenario: str) -> xr.Dataset:
     rotation = states.rotation
     yaw = np.unwrap(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]), axis=0)
@@ -312,7 +317,7 @@ def _dataset(states: BodyStates, wrench: Array, water: Water, path: Path, scenar
     values["water_wrench_smooth"] = smoothed(wrench, SAMPLING)
     found = xr.Dataset(
         {
-            name: (dims.split(), values[name].astype(np.float32), {"units": unit, "long_name": text})
+            name: (dims.split(), _packed(name, values[name]), {"units": unit, "long_name": text})
             for name, (dims, unit, text) in described.items()
         },
         coords={

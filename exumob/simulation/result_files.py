@@ -11,16 +11,16 @@ from pathlib import Path
 
 import xarray as xr
 
-from exumob.support.files import atomic_write
+from exumob.support.files import atomic_write, read_netcdf, sealed
 
 logger = logging.getLogger(__name__)
 
 
-def save_dataset(dataset: xr.Dataset, file: str | Path) -> Path:
+def save_dataset(dataset: xr.Dataset, file: str | Path, *, elsewhere: bool = True) -> Path:
     """Write netCDF under a temporary name, then rename: a killed run leaves no half file.
 
     If the disk is full or not writable, the file goes to a new folder in the system's temporary one instead, and a
-    warning says so.
+    warning says so; not with `elsewhere` False, for what can be had again.
 
     Returns
     -------
@@ -36,6 +36,8 @@ def save_dataset(dataset: xr.Dataset, file: str | Path) -> Path:
     try:
         return _write(dataset, path)
     except OSError as error:
+        if not elsewhere:
+            raise
         fallback = Path(tempfile.mkdtemp(prefix="exumob-")) / path.name
         reason = os.strerror(error.errno) if error.errno else str(error)
         try:
@@ -53,11 +55,18 @@ def _write(dataset: xr.Dataset, path: Path) -> Path:
     packed = {name: {"zlib": True, "complevel": 4} for name, v in dataset.data_vars.items() if v.dtype.kind == "f"}
     data = dataset.to_netcdf(engine="h5netcdf", encoding=packed)  # in memory: HDF5 on a full disk takes Python down
     with atomic_write(path) as temporary:
-        temporary.write_bytes(data)
+        temporary.write_bytes(sealed(bytes(data)))
     return path
 
 
 def load_dataset(file: str | Path) -> xr.Dataset:
-    """Read a result written by `save_dataset` into memory."""
-    with xr.open_dataset(file, engine="h5netcdf") as dataset:
-        return dataset.load()
+    """Read a result written by `save_dataset`, or any other netCDF 4 file, into memory.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it cannot be read, or is not what was written; see `exumob.support.files.read_netcdf`.
+    """
+    return read_netcdf(file)

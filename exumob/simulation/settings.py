@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from exumob.support.declared import checked
+from exumob.support.quantities import shown
+
 DURATION = 8.0
 """Simulated time of a run [s]: that of the paper's lane change."""
 RECORD_STEP = 1.0e-2
@@ -50,6 +53,7 @@ the flow solver in the loop, D60/U1 on 18 mm cells ends 2 mm ahead and 10 mm bes
 DEFAULT_SETTING = "fast"
 
 
+@checked
 def setting_named(name: str) -> Setting:
     """Return one of `SETTINGS`.
 
@@ -59,5 +63,5 @@ def setting_named(name: str) -> Setting:
         If no setting has this name.
     """
     if name not in SETTINGS:
-        raise ValueError(f"setting = {name!r} is not known; use {' or '.join(map(repr, SETTINGS))}.")
+        raise ValueError(f"setting = {shown(name)} is not known; use {' or '.join(map(repr, SETTINGS))}.")
     return SETTINGS[name]

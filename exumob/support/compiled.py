@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from exumob.support.caches import VARIABLE, is_private
+
 logger = logging.getLogger(__name__)
 
 _said: set[str] = set()
@@ -45,6 +47,7 @@ def say_compilation(what: str, kernel: Callable[..., Any], duration: str) -> Non
         return
     _said.add(what)
     if not is_compiled(kernel):
-        logger.warning(
-            "%s is compiled first, which takes %s; what is compiled is kept, later runs start at once.", what, duration
-        )
+        kept = "what is compiled is kept, later runs start at once"
+        if is_private():
+            kept = f"set {VARIABLE} to a folder that you may write, or every run begins like this"
+        logger.warning("%s is compiled first, which takes %s; %s.", what, duration, kept)

@@ -269,8 +269,11 @@ def _either(kinds: list[_Kind]) -> _Kind:
 def _whole_number(quantity: Quantity | None) -> _Kind:
     bounds = f", {quantity.bounds}" if quantity is not None and quantity.bounds else ""
 
+    def fits(value: Any) -> bool:  # time spans of numpy count as whole numbers, but are no index
+        return isinstance(value, Integral) and not isinstance(value, bool) and hasattr(type(value), "__index__")
+
     def check(name: str, value: Any) -> Any:
-        if not isinstance(value, Integral) or isinstance(value, bool):
+        if not fits(value):
             raise _refused(name, value, f"a whole number{bounds}")
         number = int(value)
         if abs(number) > 2**62:
@@ -279,7 +282,7 @@ def _whole_number(quantity: Quantity | None) -> _Kind:
             quantity.check(name, number)
         return number
 
-    return _Kind(lambda value: isinstance(value, Integral) and not isinstance(value, bool), check, "a whole number")
+    return _Kind(fits, check, "a whole number")
 
 
 def _flag() -> _Kind:
@@ -310,11 +313,19 @@ def _path() -> _Kind:
         return isinstance(value, str | os.PathLike)
 
     def check(name: str, value: Any) -> Path:
-        if not fits(value) or isinstance(os.fspath(value), bytes):
+        try:
+            text = os.fspath(value) if fits(value) else b""
+        except Exception:  # a foreign __fspath__ may do anything
+            text = b""
+        if isinstance(text, bytes):
             raise _refused(name, value, "the path of a file")
-        if "\0" in os.fspath(value) or not os.fspath(value):
+        try:
+            usable = bool(text) and b"\0" not in os.fsencode(text)
+        except UnicodeEncodeError:
+            usable = False
+        if not usable:
             raise ValueError(f"{name} = {shown(value)} is not the path of a file; give its name.")
-        return Path(value)
+        return Path(text)
 
     return _Kind(fits, check, "the path of a file")
 
@@ -323,14 +334,17 @@ def _choice(values: tuple[Any, ...]) -> _Kind:
     names = [repr(value) for value in values]
     wanted = (", ".join(names[:-1]) + " or " if names[:-1] else "") + names[-1]
 
-    def fits(value: Any) -> bool:
+    def found(value: Any) -> list[Any]:
         plain = str(value) if isinstance(value, str) else value  # a text of numpy, or of an enumeration
-        return any(type(plain) is type(known) and plain == known for known in values)
+        return [known for known in values if type(plain) is type(known) and plain == known]
+
+    def fits(value: Any) -> bool:
+        return bool(found(value))
 
     def check(name: str, value: Any) -> Any:
         if not fits(value):
             raise ValueError(f"{name} = {shown(value)} is not known; use {wanted}.")
-        return value
+        return found(value)[0]
 
     return _Kind(fits, check, wanted)
 
@@ -390,7 +404,7 @@ def _protocol(owner: type) -> _Kind:
     members = sorted(name for base in owner.__mro__ for name in _members(base))
 
     def missing(value: Any) -> list[str]:
-        return [name for name in members if not hasattr(value, name)]
+        return [name for name in members if not _has(value, name)]
 
     def check(name: str, value: Any) -> Any:
         if isinstance(value, type) and not missing(value):
@@ -404,6 +418,13 @@ def _protocol(owner: type) -> _Kind:
         return value
 
     return _Kind(lambda value: not isinstance(value, type) and not missing(value), check, f"a {owner.__name__}")
+
+
+def _has(value: Any, name: str) -> bool:
+    try:
+        return hasattr(value, name)
+    except Exception:  # a property that cannot be read yet, or a foreign __getattr__, which may do anything
+        return inspect.getattr_static(value, name, None) is not None
 
 
 def _members(base: type) -> set[str]:

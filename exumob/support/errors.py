@@ -20,7 +20,8 @@ class SimulationError(RuntimeError):
     state: dict[str, Any] | None = None
     """State of the flow solver before the step that failed, for `exumob.flow.FlowSolver.restore`"""
     cause: str
-    """``"sunk"`` if a wheel sank to its centre; ``"tipped"`` if the vehicle fell over before the start; else empty"""
+    """What befell the vehicle, a word of `exumob.simulation.verdict.CONDITIONS`: ``"sunk"`` if a wheel sank to its
+    centre, ``"tipped"`` if the vehicle fell over before the start; else empty"""
 
 
 class SimulationInterrupted(KeyboardInterrupt):

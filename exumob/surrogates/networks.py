@@ -14,14 +14,15 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
-from exumob.support.checks import require_within
+from exumob.support.declared import Declared
 from exumob.support.files import atomic_write
+from exumob.support.quantities import Quantity, shown
 from exumob.surrogates.inputs import INPUTS, PAPER_INPUTS
 from exumob.surrogates.network_kernels import (
     OutputLayers,
@@ -52,37 +53,35 @@ GEOMETRY = (
 
 
 @dataclass(frozen=True)
-class Architecture:
+class Architecture(Declared):
     """Inputs and layers of the five networks."""
 
     inputs: tuple[str, ...] = PAPER_INPUTS
     """Names of the input features, from `exumob.surrogates.inputs.INPUTS`"""
-    taps: int = 3
+    taps: Annotated[int, Quantity("1", at_least=1, at_most=1000)] = 3
     """Instants in the input window: now and those before"""
-    stride: int = 1
-    """Interval between them [ms]"""
+    stride: Annotated[int, Quantity("ms", at_least=1, at_most=1000)] = 1
+    """Interval between them"""
     layer: Literal["lstm", "dense", "polynomial"] = "lstm"
     """First layer; ``"polynomial"`` is a regression without any"""
-    width: int = 400
+    width: Annotated[int, Quantity("1", at_least=1, at_most=4096)] = 400
     """Units of the first layer"""
-    dense: int = 100
+    dense: Annotated[int, Quantity("1", at_least=1, at_most=4096)] = 100
     """Units of the dense layer that follows"""
-    degree: int = 3
+    degree: Annotated[int, Quantity("1", at_least=1, at_most=6)] = 3
     """Degree of the polynomial"""
     base: Literal["none", "coefficients"] = "none"
     """Model to whose wrenches those of the network are added"""
 
-    def __post_init__(self) -> None:
+    def _check(self) -> None:
         unknown = [name for name in self.inputs if name not in INPUTS]
         if unknown or not self.inputs:
             raise ValueError(f"Architecture.inputs: {unknown or 'nothing'} is not known; use {', '.join(INPUTS)}.")
-        if self.layer not in ("lstm", "dense", "polynomial"):
-            raise ValueError(f"Architecture.layer = {self.layer!r} is not known; use 'lstm', 'dense' or 'polynomial'.")
-        if self.base not in ("none", "coefficients"):
-            raise ValueError(f"Architecture.base = {self.base!r} is not known; use 'none' or 'coefficients'.")
-        require_within("Architecture", 1, 1000, taps=self.taps, stride=self.stride)
-        require_within("Architecture", 1, 4096, width=self.width, dense=self.dense)
-        require_within("Architecture", 1, 6, degree=self.degree)
+        if len(set(self.inputs)) < len(self.inputs):
+            raise ValueError(f"Architecture.inputs = {', '.join(self.inputs)}: one stands twice; leave it out once.")
+        terms = math.comb(len(self.inputs) + self.degree, self.degree)
+        if self.layer == "polynomial" and terms > 20_000:
+            raise ValueError(f"Architecture.degree = {self.degree} makes {terms} terms; give a lower one.")
         if self.layer == "polynomial" and self.taps != 1:
             raise ValueError(f"Architecture.taps = {self.taps}: a polynomial is quasi-steady; use 1.")
 
@@ -136,9 +135,11 @@ class NetworkSet:
 
     def check_vehicle(self, vehicle: Vehicle) -> None:
         """Raise ValueError if the vehicle differs in shape (`GEOMETRY`) from the one of the training runs."""
+        own = geometry(vehicle)
         for name, trained in self.about["geometry"].items():
-            found = geometry(vehicle)[name]
-            same = found == trained if not isinstance(trained, float) else math.isclose(found, trained, rel_tol=1e-3)
+            found = own[name]
+            numbers = isinstance(trained, int | float) and isinstance(found, int | float)
+            same = math.isclose(found, trained, rel_tol=1e-3) if numbers else found == trained
             if not same:
                 raise ValueError(
                     f"networks ({self.name}): {vehicle.name} has {name} = {found}, they were trained with {trained}. "
@@ -147,8 +148,6 @@ class NetworkSet:
 
     def save(self, file: str | Path) -> Path:
         """Write the file (.safetensors), whole or not at all; return its path."""
-        from safetensors.numpy import save
-
         header = {
             "format": FORMAT, "version": VERSION, "architecture": asdict(self.architecture), "about": self.about,
             "input_units": [INPUTS[name].unit for name in self.architecture.inputs], "bodies": BODIES,
@@ -156,9 +155,7 @@ class NetworkSet:
         }  # fmt: skip
         path = Path(file)
         tensors = {name: np.array(a, order="C") for name, a in self.arrays.items()}
-        data = save(tensors, {"exumob": json.dumps(header)})
-        with atomic_write(path) as temporary:
-            temporary.write_bytes(data)
+        write_arrays(path, header, tensors)
         return path
 
     @classmethod
@@ -168,33 +165,20 @@ class NetworkSet:
         Raises
         ------
         ValueError
-            If it is not such a file, of another version, or incomplete.
+            If it is not such a file, of another version, incomplete, or damaged; the message names the file.
         """
-        from safetensors import SafetensorError, safe_open
-
         path = Path(file)
-        if not path.is_file():
-            raise ValueError(f"{path}: there is no such file of networks; `exumob train` makes them.")
-        try:
-            with safe_open(path, "np") as stream:
-                header = json.loads((stream.metadata() or {}).get("exumob", "{}"))
-                arrays = {name: stream.get_tensor(name) for name in stream.keys()}
-        except (SafetensorError, json.JSONDecodeError) as error:
-            raise ValueError(f"{path} is not a file of networks ({error}); `exumob train` makes them.") from None
+        header, arrays = read_arrays(path, "a file of networks", "`exumob train` makes them.")
         if header.get("format") != FORMAT:
             raise ValueError(f"{path} holds arrays, but not exumob's networks; `exumob train` makes them.")
-        if header["version"] != VERSION:
+        if header.get("version") != VERSION:
             raise ValueError(
-                f"{path} is of version {header['version']} and this program reads {VERSION}; train again with "
+                f"{path} is of version {header.get('version')} and this program reads {VERSION}; train again with "
                 "`exumob train`."
             )
-        known = {field.name for field in fields(Architecture)}
-        given = header["architecture"]
-        if set(given) != known:
-            raise ValueError(f"{path}: its architecture has {sorted(set(given) ^ known)} too many or too few.")
-        architecture = Architecture(**(given | {"inputs": tuple(given["inputs"])}))
+        architecture = _architecture(header.get("architecture"), path)
         _check_arrays(architecture, arrays, path)
-        return cls(architecture, arrays, header["about"])
+        return cls(architecture, arrays, _checked_about(header.get("about"), path))
 
     @classmethod
     def stacked(cls, sets: Sequence[NetworkSet]) -> NetworkSet:
@@ -335,6 +319,98 @@ def window_rows(time: Array, taps: int, stride: int) -> NDArray[np.intp]:
     return np.asarray(np.clip(rows, 0, len(time) - 1))
 
 
+def write_arrays(path: Path, header: dict[str, Any], arrays: dict[str, Single]) -> None:
+    """Write arrays and a JSON header as a safetensors file, with a digest of both, whole or not at all."""
+    from safetensors.numpy import save
+
+    digest = _file_digest(json.loads(json.dumps(header)), arrays)
+    data = save(arrays, {"exumob": json.dumps(header | {"digest": digest})})
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def read_arrays(path: Path, what: str, remedy: str) -> tuple[dict[str, Any], dict[str, Single]]:
+    """Read a file of `write_arrays` into memory, or another safetensors file.
+
+    Parameters
+    ----------
+    path : Path
+    what, remedy : str
+        What the file is to be, and where such files come from, for messages.
+
+    Returns
+    -------
+    header : dict
+        The JSON header; empty if there is none.
+    arrays : dict
+
+    Raises
+    ------
+    ValueError
+        If the file is not of that format, or damaged.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    if not path.is_file():
+        raise ValueError(f"{path}: there is no such file of networks; {remedy}")
+    try:
+        with safe_open(path, "np") as stream:
+            header = json.loads((stream.metadata() or {}).get("exumob", "{}"))
+            arrays = {name: stream.get_tensor(name) for name in stream.keys()}
+    except (SafetensorError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        why = " ".join(str(error).split())[:200]
+        raise ValueError(f"{path} is not {what}, or is damaged ({why}); {remedy}") from None
+    except OSError as error:
+        raise ValueError(f"{path} cannot be read ({error.strerror or error}); {remedy}") from None
+    if not isinstance(header, dict):
+        raise ValueError(f"{path} is not {what}: its header is a {type(header).__name__}; {remedy}")
+    digest = header.pop("digest", None)  # files made before have none
+    if digest is not None and digest != _file_digest(header, arrays):
+        raise ValueError(
+            f"{path} is damaged: it is not what was written (its digest differs). Use a whole copy; {remedy}"
+        )
+    return header, arrays
+
+
+def _file_digest(header: dict[str, Any], arrays: dict[str, Single]) -> str:
+    """Digest of all that a file of networks holds."""
+    found = hashlib.sha256(json.dumps(header, sort_keys=True).encode())
+    for name in sorted(arrays):
+        found.update(f"{name} {arrays[name].dtype.str} {arrays[name].shape}".encode())
+        found.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return found.hexdigest()
+
+
+def _architecture(given: Any, path: Path) -> Architecture:
+    """Architecture of a file, its kinds and bounds checked."""
+    known = {field.name for field in fields(Architecture)}
+    if not isinstance(given, dict) or set(given) != known:
+        wrong = sorted(set(given) ^ known) if isinstance(given, dict) else shown(given)
+        raise ValueError(f"{path}: its architecture has {wrong} too many or too few; train again with `exumob train`.")
+    try:
+        return Architecture(**(given | {"inputs": tuple(given["inputs"])}))
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}: {error} Train again with `exumob train`.") from None
+
+
+def _checked_about(about: Any, path: Path) -> dict[str, Any]:
+    """Return the origin of networks, or refuse a file that does not say for which vehicle they are."""
+    trained = about.get("geometry") if isinstance(about, dict) else None
+    if not isinstance(about, dict) or not isinstance(trained, dict):
+        raise ValueError(
+            f"{path} does not say for which vehicle its networks were trained (about.geometry is {shown(trained)}); it "
+            "is incomplete, train again with `exumob train`."
+        )
+    unknown, missing = sorted(set(trained) - set(GEOMETRY)), sorted(set(GEOMETRY) - set(trained))
+    wrong = [name for name, value in trained.items() if not isinstance(value, int | float | str | None)]
+    if unknown or wrong or missing:
+        raise ValueError(
+            f"{path}: about.geometry has wrong, unknown or missing parameters: {', '.join(unknown + wrong + missing)}; "
+            "it is of another version, train again with `exumob train`."
+        )
+    return about
+
+
 def _check_arrays(architecture: Architecture, arrays: dict[str, Single], path: Path) -> None:
     """Refuse arrays that are missing, not finite or of another shape."""
     k, n = len(architecture.inputs), len(WRENCH_COMPONENTS)
@@ -344,7 +420,20 @@ def _check_arrays(architecture: Architecture, arrays: dict[str, Single], path: P
     for name, shape in shapes.items():
         if name not in arrays:
             raise ValueError(f"{path}: {name} is missing; the file is incomplete, train again with `exumob train`.")
-        if arrays[name].shape != (5, *shape) or not np.isfinite(arrays[name]).all():
+        array = arrays[name]
+        if array.shape != (5, *shape) or array.dtype != np.float32:
             raise ValueError(
-                f"{path}: {name} has shape {arrays[name].shape} or is not finite; it must be {(5, *shape)}."
+                f"{path}: {name} is of shape {array.shape} of {array.dtype}; it must be {(5, *shape)} of float32. "
+                "Train again with `exumob train`."
             )
+        if not np.isfinite(array).all():
+            count = int((~np.isfinite(array)).sum())
+            raise ValueError(
+                f"{path}: {name} is of shape {array.shape}, and not finite at {count} of {array.size} places; train "
+                "again with `exumob train`."
+            )
+    for name in ("input_scale", "output_scale", "joint_limit"):
+        if not (arrays[name] > 0.0).all():
+            raise ValueError(f"{path}: {name} must be > 0 everywhere; train again with `exumob train`.")
+    if (arrays["input_low"] > arrays["input_high"]).any():
+        raise ValueError(f"{path}: input_low lies above input_high; train again with `exumob train`.")

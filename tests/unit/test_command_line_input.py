@@ -1,13 +1,17 @@
 """The command line before anything runs: help, tables, bad input."""
 
 import importlib.metadata
+import math
 import re
 
 import pytest
 from typer.testing import CliRunner
 
 from exumob.__main__ import app
+from exumob.commands.options import option_names, radians, with_option_names
+from exumob.commands.shared import check_targets
 from exumob.ground.soil import Soil
+from exumob.support.quantities import Quantity
 
 SHORT = ["--duration", "0.2", "--micro-step", "5e-4", "--macro-step", "20e-3"]
 OPTIONS = {
@@ -179,3 +183,51 @@ def test_bad_maps_are_refused(tmp_path, options, text):
     assert answer.exit_code == 2
     assert text in plain(answer.output)
     assert not (tmp_path / "map").exists()
+
+
+def test_a_checkpoint_that_exists_asks_for_the_option(tmp_path):
+    (tmp_path / "run.npz").write_bytes(b"")
+    answer = lane_change("--checkpoint", tmp_path / "run.npz")
+    assert answer.exit_code == 2
+    assert "run.npz exists already; resume from it (--resume) or move it away" in plain(answer.output)
+
+
+def test_what_is_replaced_is_said_and_other_files_are_never_replaced(tmp_path, capsys):
+    for name in ("run.nc", "run.png", "vehicle.py"):
+        (tmp_path / name).write_text("kept")
+    check_targets({"--output": tmp_path / "new.nc"})
+    assert capsys.readouterr().err == ""
+    check_targets({"--output": tmp_path / "run.nc", "--figure": tmp_path / "run.png", "--animate": None})
+    said = capsys.readouterr().err
+    assert "run.nc" in said and "run.png exist and are replaced at the end" in said
+    with pytest.raises(ValueError, match=r"vehicle\.py: this file exists, and its ending '\.py' is none"):
+        check_targets({"--output": tmp_path / "vehicle.py"})
+    assert {file.read_text() for file in tmp_path.iterdir()} == {"kept"}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("Water.current_speed = -1.0 m/s must be >= 0; turn the flow with its direction.",
+         "--current = -1.0 m/s must be >= 0; turn the flow with --current-direction."),
+        ("the flow gave a load that is not finite at 0.1 s; halve macro_step.",
+         "the flow gave a load that is not finite at 0.1 s; halve --macro-step."),
+        ("the interval at which its duration ends", "the interval at which its duration ends"),
+        ("--duration 3 is too short; car.py: record_step", "--duration 3 is too short; car.py: record_step"),
+    ],
+)  # fmt: skip
+def test_errors_name_options_where_there_are_any(text, said):
+    assert with_option_names(text) == said
+    with pytest.raises(ValueError, match=re.escape(said)), option_names():
+        raise ValueError(text)
+
+
+def test_unusual_values_pass_when_they_are_meant():
+    quantity = Quantity("rad", plausible=(-math.pi, math.pi))
+    assert radians("--angle", 90.0, quantity) == math.pi / 2.0
+    with pytest.raises(ValueError, match="--angle 720 must be -180 to 180 degrees"):
+        radians("--angle", 720.0, quantity)
+    assert radians("--angle", 720.0, quantity, unusual=True) == 4.0 * math.pi
+    for wrong in (math.nan, math.inf, 1e308):
+        with pytest.raises(ValueError, match="--angle"):
+            radians("--angle", wrong, quantity)

@@ -39,6 +39,11 @@ def eight_gib(monkeypatch):
     monkeypatch.setattr("exumob.simulation.cost.memory_limit", lambda: 8.0 * GIB)
 
 
+def cube():
+    """Triangles of a box, shape (12, 3, 3)."""
+    return np.array(pytest.importorskip("trimesh").creation.box((1.0, 1.0, 1.0)).triangles)
+
+
 def refused(call, *words):
     """The message with which a call is refused."""
     with pytest.raises(ValueError) as error:
@@ -89,18 +94,12 @@ def test_the_refusal_itself_takes_no_memory(cell_size):
         (lambda: captive_run(VEHICLE, WATER, duration=1e6), "duration = 1e+06 s"),
         (lambda: captive_run(VEHICLE, WATER, duration=1.0, interval=1e-7), "interval = 1e-07 s"),
         (lambda: captive_run(VEHICLE, WATER, duration=2e3, interval=0.1, snapshots=0.1, cell_size=4.5e-3), "snapshots"),
-        (lambda: mesh_solid(np.array(TETRAHEDRON), 1e-5), "mesh_solid: spacing = 1e-05 m"),
+        (lambda: mesh_solid(cube(), 1e-5), "mesh_solid: spacing = 1e-05 m"),
     ],
     ids=lambda v: v if isinstance(v, str) else "",
 )
 def test_what_cannot_fit_is_refused_by_name(call, word):
     refused(call, word, "of memory", "8 GiB")
-
-
-TETRAHEDRON = [
-    [(0, 0, 0), (0, 1, 0), (1, 0, 0)], [(0, 0, 0), (1, 0, 0), (0, 0, 1)],
-    [(0, 0, 0), (0, 0, 1), (0, 1, 0)], [(1, 0, 0), (0, 1, 0), (0, 0, 1)],
-]  # fmt: skip
 
 
 @pytest.mark.usefixtures("eight_gib")
