@@ -420,7 +420,11 @@ def series(draw: Any) -> dict[str, Given]:
     n = draw(st.integers(3, 30))
     rng = np.random.default_rng(draw(st.integers(0, 999)))
     time = np.concatenate([[0.0], np.cumsum(rng.uniform(1e-3, 1.0, n - 1))]) * draw(st.sampled_from([1.0, 1e-6, 1e3]))
-    parts = {"time": time, "steering": rng.uniform(-0.5, 0.5, n), "wheel_speed": np.concatenate([[0.0], rng.uniform(-30.0, 30.0, n - 1)])}
+    parts = {
+        "time": time,
+        "steering": rng.uniform(-0.5, 0.5, n),
+        "wheel_speed": np.concatenate([[0.0], rng.uniform(-30.0, 30.0, n - 1)]),
+    }
     for name in draw(st.lists(st.sampled_from(list(parts)), max_size=2)):
         at = draw(st.integers(0, n - 1))
         parts[name][at] = draw(st.one_of(st.floats(), st.floats(-2.0, 2.0), st.just(parts[name][at - 1])))
