@@ -141,8 +141,8 @@ class Choice(Declared):
         if not self.values:
             raise ValueError("Choice.values is empty; give one value at least.")
         try:
-            json.dumps(self.values, default=lambda value: type(value).__name__)
-        except (ValueError, TypeError, RecursionError) as error:
+            json.dumps(self.values, default=repr)
+        except Exception as error:  # a foreign __repr__ may do anything
             raise ValueError(f"Choice.values cannot be kept ({error}); give numbers or texts.") from None
         weights = self.weights or (1.0,) * len(self.values)
         if len(weights) != len(self.values) or not 0.0 < sum(weights) < math.inf:

@@ -34,6 +34,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from exumob.support.declared import checked
 from exumob.support.quantities import shown, unusual
 from exumob.sweeps.experiment import PARTS, Experiment, amphibious_lane_change
 from exumob.sweeps.sampling import (
@@ -59,6 +60,7 @@ LARGEST = 2**24
 """Largest study file [bytes]."""
 
 
+@checked
 def read_study(file: str | Path) -> tuple[Experiment, list[Case]]:
     """Read the experiment and the cases of a study file.
 
@@ -80,6 +82,7 @@ def read_study(file: str | Path) -> tuple[Experiment, list[Case]]:
         raise ValueError(f"study file {path}: {error}") from None
 
 
+@checked
 def from_options(
     vehicle: Path | None, settings: Sequence[str], varied: Sequence[str], number: int, seed: int,
     unusual_values: bool = False,
@@ -120,6 +123,7 @@ def from_options(
     return _checked(base, values, (lists, drawn), cases, unusual_values)
 
 
+@checked
 def parse_variation(text: str) -> tuple[str, Sequence[Any] | Distribution]:
     """Read ``name=0,0.5,1`` (values), ``name=0:1:5`` (five from 0 to 1) or ``name~normal(1300, 200)`` (a distribution).
 
