@@ -54,7 +54,8 @@ def map_command(  # one argument an option of the command line
     """Map where the vehicle can cross, with the chance that it does, over depth, current and soil.
 
     The vehicle drives straight ahead for 4 s and is judged over the last 1.5 s: speed, drift, footing, attitude. Nodes
-    outside the networks' training range are hatched. What is done is kept, and the same command goes on.
+    outside the networks' training range are hatched. What is done is kept, and the same command goes on. Exit code: 1
+    if runs broke down, were out of time or killed, 2 if nothing could run.
 
     Example: exumob map --depth 0.4:0.6 --current 0:1 --draws 10 --levels 1 --figure map.png
     """
@@ -106,6 +107,13 @@ def map_command(  # one argument an option of the command line
         from exumob.support.figures import save_figure
 
         console.print(f"figure    {save_figure(plot_map(result), figure)}", soft_wrap=True)
+    lost = {name: int(result.attrs[f"runs_{name.replace(' ', '_')}"]) for name in ("broke down", "lost")}
+    if any(lost.values()):
+        errors.print(
+            f"{lost['broke down']} of {result.attrs['runs_made']} runs broke down, {lost['lost']} were out of time or "
+            f"killed (in the folders of {output}: column `reason` of sweep.nc).", style="yellow", soft_wrap=True,
+        )  # fmt: skip
+        raise typer.Exit(1)
 
 
 def _span(option: str, text: str) -> tuple[float, float]:

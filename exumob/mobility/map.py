@@ -11,12 +11,13 @@ import functools
 import itertools
 import json
 import logging
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, is_dataclass, replace
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
@@ -26,17 +27,33 @@ from exumob.mobility.crossing import FAILURES, Crossing
 from exumob.mobility.lattice import CONFIDENCE, Lattice, fewest_runs, sides
 from exumob.simulation.result_files import save_dataset
 from exumob.support.arrays import Array
-from exumob.support.checks import require_within
-from exumob.support.declared import declared_fields
+from exumob.support.cost import require_memory
+from exumob.support.declared import Declared, checked, declared_fields
 from exumob.support.files import atomic_write
 from exumob.support.provenance import parameters_json, provenance
+from exumob.support.quantities import Quantity
+from exumob.surrogates.networks import GEOMETRY
 from exumob.sweeps.experiment import STEPS, Experiment
 from exumob.sweeps.run import Progress, sweep
-from exumob.sweeps.sampling import Case, Choice, Distribution, LogNormal, Normal, sample
+from exumob.sweeps.sampling import (
+    ANY,
+    SEED,
+    Case,
+    Choice,
+    Distribution,
+    LogNormal,
+    Normal,
+    require_room_for,
+    sample,
+)
 from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)
 
+TRIED_DRAWS = 64
+"""Number of draws up to which each is tried before anything runs; of more the extreme ones."""
+NODE_BYTES = 200
+"""Memory for a node of the finest level: its sums, and the variables of the result."""
 SCATTER: dict[str, Distribution] = {
     "soil.cohesion": LogNormal(1.0, 0.20),
     "soil.friction_angle": Normal(1.0, 0.05, 0.8, 1.2),
@@ -49,20 +66,21 @@ SCATTER: dict[str, Distribution] = {
 
 
 @dataclass(frozen=True)
-class Axis:
+class Axis(Declared):
     """One axis of a map: a parameter over a range, in 2^levels times `cells` steps."""
 
     name: str
     """Dotted name, as for sweeps"""
-    low: float
-    high: float
-    cells: int = 4
+    low: Annotated[float, ANY]
+    """Value at the first node"""
+    high: Annotated[float, ANY]
+    """Value at the last node"""
+    cells: Annotated[int, Quantity("1", at_least=1.0, at_most=1000.0)] = 4
     """Number of steps at the first level"""
 
-    def __post_init__(self) -> None:
+    def _check(self) -> None:
         if not self.low < self.high:
             raise ValueError(f"Axis {self.name}: low = {self.low} must be below high = {self.high}.")
-        require_within(f"Axis {self.name}", 1, 1000, cells=self.cells)
 
     def values(self, level: int) -> Array:
         """Values at the nodes of a level, shape (cells 2^level + 1,)."""
@@ -70,7 +88,7 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class MobilityMap:
+class MobilityMap(Declared):
     """Description of a map: what is mapped, over which range and how finely."""
 
     crossing: Crossing
@@ -80,20 +98,16 @@ class MobilityMap:
     """Maps side by side: values by name of each, such as its soil"""
     scatter: Mapping[str, Distribution] = field(default_factory=lambda: dict(SCATTER))
     """Factors by name; empty: every node is one run"""
-    draws: int = 16
+    draws: Annotated[int, Quantity("1", at_least=1.0, at_most=1e5)] = 16
     """Number of runs at a node"""
     members: bool = True
     """Let the runs use one network of the ensemble each, in turn, if networks give the loads of the water"""
-    levels: int = 2
+    levels: Annotated[int, Quantity("1", at_least=0.0, at_most=8.0, remedy="each level halves the cells.")] = 2
     """Number of times that the grid is refined"""
-    seed: int = 0
+    seed: Annotated[int, SEED] = 0
+    """The same seed gives the same draws"""
 
-    def __post_init__(self) -> None:
-        for name in ("draws", "levels", "seed"):
-            if not isinstance(getattr(self, name), int):
-                raise ValueError(f"MobilityMap.{name} = {getattr(self, name)} must be a whole number.")
-        require_within("MobilityMap", 1, 100_000, draws=self.draws)
-        require_within("MobilityMap", 0, 8, "each level halves the cells.", levels=self.levels)
+    def _check(self) -> None:
         if not self.panels:
             raise ValueError("MobilityMap.panels is empty; give one at least, such as {'LETE sand': {}}.")
         if self.x.name == self.y.name:
@@ -108,15 +122,23 @@ class MobilityMap:
             for name in (self.x.name, self.y.name):
                 if name in case:
                     raise ValueError(f"MobilityMap.panels: {panel!r} sets {name}, which is an axis; leave it out.")
+        cells, fine = (self.x.cells, self.y.cells), 2**self.levels
+        runs = len(self.panels) * (self.draws if self.scatter else 1)
+        require_room_for("MobilityMap", runs * math.prod(n + 1 for n in cells), len(self.scatter) + 3)
+        nodes = len(self.panels) * math.prod(n * fine + 1 for n in cells)
+        require_memory(
+            f"MobilityMap: {nodes:,} nodes of the finest level", nodes * NODE_BYTES, "give fewer levels or cells."
+        )
         ends = [{axis.name: end} for axis in (self.x, self.y) for end in (axis.low, axis.high)]
         one_model = self.crossing.experiment.with_one_model([*self.panels.values(), *ends])
         object.__setattr__(self, "crossing", replace(self.crossing, experiment=one_model))
-        draws = self.factors()
+        draws = _extreme(self.factors())
+        shaped = any(name in GEOMETRY for name in self.scatter)
         for case in self.panels.values():
             for x, y in itertools.product((self.x.low, self.x.high), (self.y.low, self.y.high)):
-                for factors in draws:
+                for n, factors in enumerate(draws):
                     tried = self.crossing.experiment.with_values(self.case(case, x, y, factors))
-                    if (x, y) == (self.x.high, self.y.high):
+                    if (x, y) == (self.x.high, self.y.high) and (n == 0 or shaped):
                         tried.check()
 
     def trust(self) -> dict[str, str | float]:
@@ -150,6 +172,18 @@ class MobilityMap:
             else:
                 values[name] = factor * at.value(name)
         return values
+
+
+def _extreme(draws: list[Case]) -> list[Case]:
+    """Of many draws those with the smallest and the largest factor of each name, and the first."""
+    if len(draws) <= TRIED_DRAWS:
+        return draws
+    chosen = {0}
+    for name in draws[0]:
+        factors = [draw[name] for draw in draws]
+        if all(isinstance(factor, int | float) for factor in factors):
+            chosen |= {int(np.argmin(factors)), int(np.argmax(factors))}
+    return [draws[n] for n in sorted(chosen)]
 
 
 def quantity_of(experiment: Experiment, name: str) -> tuple[str, str]:
@@ -270,6 +304,7 @@ def _differences(kept: Any, wanted: Any, name: str = "") -> list[str]:
     return [] if kept == wanted else [f"{name} was {kept}, and is {wanted}"]
 
 
+@checked
 def compute_map(
     wanted: MobilityMap, folder: str | Path, *, workers: int = 2, time_limit: float | None = 600.0, full: bool = False,
     progress: Callable[[str, Progress], None] | None = None,
@@ -293,8 +328,9 @@ def compute_map(
     xarray.Dataset
         Dims (panel, y, x): probability, probability_low, probability_high (Wilson); means of the numbers of
         `exumob.mobility.crossing.judge_crossing`; failure (the most frequent of those that failed, index of `FAILURES`;
-        -1: interpolated); runs (0: interpolated). Attribute ``computed_share``: share of the nodes that were computed.
-        Runs out of time or killed do not count (a warning counts them); the next call tries them again.
+        -1: interpolated); runs (0: interpolated). Attributes: ``computed_share``, the share of the nodes that were
+        computed; ``runs_made``, ``runs_broke_down``, ``runs_lost``, numbers of runs. Runs out of time or killed do not
+        count (a warning counts them); the next call tries them again.
 
     Raises
     ------
@@ -309,6 +345,7 @@ def compute_map(
     limits = wanted.crossing.limits
     level = wanted.levels if full else 0
     lattice = Lattice(list(wanted.panels), wanted.x.values(level), wanted.y.values(level), limits.range_share)
+    counts = {"runs_made": 0, "runs_broke_down": 0, "runs_lost": 0}
     while True:
         pieces = 0
         while nodes := lattice.pending():
@@ -323,6 +360,9 @@ def compute_map(
                 again=("out of time", "killed"),
             )  # fmt: skip
             _check_rows(rows)
+            counts["runs_made"] += rows.sizes["case"]
+            counts["runs_broke_down"] += int((rows["failure"] == FAILURES.index("broke down")).sum())
+            counts["runs_lost"] += int(np.isin(rows["status"].values, ("out of time", "killed")).sum())
             lattice.fill(nodes, rows, len(factors))
             lattice.follow_border()
             pieces += 1
@@ -335,7 +375,7 @@ def compute_map(
         unit, text = quantity_of(wanted.crossing.experiment, axis.name)
         result[dim].attrs |= {"units": unit, "long_name": text}
     result["panel"].attrs |= {"units": "1", "long_name": "name of the map"}
-    result.attrs |= provenance() | wanted.trust() | {
+    result.attrs |= provenance() | wanted.trust() | counts | {
         "title": "exumob mobility map", "random_seed": wanted.seed, "parameters": parameters_json({"map": wanted}),
         "draws": len(factors), "computed_share": float((lattice.runs > 0).mean()), "failures": ", ".join(FAILURES),
         "x": wanted.x.name, "y": wanted.y.name, "least_speed": limits.speed, "largest_drift": limits.drift,

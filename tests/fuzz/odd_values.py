@@ -143,7 +143,7 @@ OTHERS = [
     "np.array(1.0)", "np.array(math.nan)", "np.array([1.0])", "np.array([1.0, 2.0])", "np.array([1.0, 2.0, 3.0])",
     "np.zeros(0)", "np.zeros((0, 3))", "np.zeros((2, 3))", "np.ones((4, 4))", "np.array([True, False])", "np.array(['a', 'b'])",
     "np.array([1.0, None], dtype=object)", "np.array([10**400, 1], dtype=object)", "np.array([1j])",
-    "np.array(['2020-01-01'], 'M8[D]')", "np.zeros(2, 'i4,f8')", "np.matrix([[1.0, 2.0]])", "np.full((3, 3), math.nan)",
+    "np.array(['2020-01-01'], 'M8[D]')", "np.zeros(2, 'i4,f8')", "np.full((3, 3), math.nan)",
     "np.ma.masked", "np.ma.array([1.0, 2.0], mask=[0, 1])", "np.ma.array([1.0, 2.0])", "np.ma.array(1.0, mask=True)",
     "np.ma.masked_equal(np.ones((3, 3)), 1.0)", "np.datetime64('2020-01-01')", "np.timedelta64(3, 's')", "np.void(b'abc')",
     "xr.DataArray(1.0)", "xr.DataArray([1.0, 2.0])", "xr.Dataset()", "xr.Dataset({'a': 1.0})",

@@ -250,7 +250,7 @@ def function_target(
     name: str, function: Callable[..., Any], base: Mapping[str, Any], *, around: Any = contextlib.nullcontext,
     verify: Callable[[Any], None] | None = None, leave: tuple[str, ...] = (), also: tuple[str, ...] = (), weight: int = 1,
     clear: tuple[type[BaseException], ...] = (ValueError, exumob.SimulationError), files: bool = False,
-    hints: Mapping[str, Any] | None = None,
+    hints: Mapping[str, Any] | None = None, inputs: st.SearchStrategy[dict[str, Given]] | None = None,
 ) -> Target:  # fmt: skip
     """A function whose arguments are given anything.
 
@@ -272,6 +272,8 @@ def function_target(
         The call may write files: it works in an empty folder.
     hints : mapping, optional
         Types of arguments that the function does not declare.
+    inputs : strategy, optional
+        Arguments, instead of those made from the declared types.
     """
     known = _hints_of(function) | dict(hints or {})
     parameters = inspect.signature(function).parameters
@@ -291,7 +293,7 @@ def function_target(
                 lambda: function(*positional, **values), [*names, *also], refused=refused, verify=verify, clear=clear
             )
 
-    return Target(name, changes(varied), answer, weight)
+    return Target(name, changes(varied) if inputs is None else inputs, answer, weight)
 
 
 def _hints_of(function: Callable[..., Any]) -> dict[str, Any]:
@@ -372,6 +374,7 @@ def function_targets() -> list[Target]:
         f("summary", exumob.summary, {"dataset": EXAMPLES[examples.xr.Dataset][0].make()}),
         f("Recorded", exumob.Recorded, dict(zip(("time", "steering", "wheel_speed"), examples.RAMP, strict=True)),
           verify=_verify_recorded, weight=2),
+        f("Recorded, series", exumob.Recorded, {}, inputs=series(), verify=_verify_recorded, weight=2),
         f("CoefficientHydrodynamics", exumob.CoefficientHydrodynamics, {}),
         f("Soil.published", exumob.Soil.published, {"name": "LETE sand"}),
         f("Soil.pressure", sand.pressure, {"sinkage": 0.01, "width": 0.1}, verify=lambda p: finite("pressure", p)),
@@ -409,6 +412,19 @@ def function_targets() -> list[Target]:
         f("parse_variation", parse_variation, {"text": "a=0:1:3"}, also=("--vary",)),
         f("training_runs", training_runs, {"folder": "none"}, files=True, clear=(ValueError, FileNotFoundError)),
     ]  # fmt: skip
+
+
+@st.composite
+def series(draw: Any) -> dict[str, Given]:
+    """A recorded maneuver, equally long series some values of which are odd."""
+    n = draw(st.integers(3, 30))
+    rng = np.random.default_rng(draw(st.integers(0, 999)))
+    time = np.concatenate([[0.0], np.cumsum(rng.uniform(1e-3, 1.0, n - 1))]) * draw(st.sampled_from([1.0, 1e-6, 1e3]))
+    parts = {"time": time, "steering": rng.uniform(-0.5, 0.5, n), "wheel_speed": np.concatenate([[0.0], rng.uniform(-30.0, 30.0, n - 1)])}
+    for name in draw(st.lists(st.sampled_from(list(parts)), max_size=2)):
+        at = draw(st.integers(0, n - 1))
+        parts[name][at] = draw(st.one_of(st.floats(), st.floats(-2.0, 2.0), st.just(parts[name][at - 1])))
+    return {name: Given(repr(part.tolist()), lambda part=part: part) for name, part in parts.items()}
 
 
 def _verify_recorded(recorded: exumob.Recorded) -> None:
