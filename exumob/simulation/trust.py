@@ -173,6 +173,8 @@ def _together(cases: Sequence[_Case]) -> Trust:
         return Trust(type(model).__name__, "not validated", "", soil, advice=advice)
     if trust.status == "not validated":
         return trust
+    if len(cases) > 1 and trust.nearest:  # the nearest run is that of one case only
+        trust = replace(trust, error=trust.error.replace(trust.nearest, ""), nearest="")
     departures = _merged(d for case in cases for d in _departures(*case))
     if not departures:
         return trust

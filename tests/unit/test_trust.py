@@ -231,6 +231,9 @@ def test_a_sweep_names_each_quantity_once_with_its_range():
 def test_runs_together_have_the_range_of_all():
     runs = [replace(RUN, water=Water.at_ratio(ratio, 0.5)) for ratio in (0.3, 0.5, 0.8)]
     assert [str(d) for d in trust_of_all(runs).departures] == ["depth ratio 0.3 to 0.8 (0.4 to 0.6)"]
+    cheap = [replace(run, hydrodynamics=COEFFICIENTS.hydrodynamics) for run in runs[:2]]
+    assert "nearest" in trust_of_all(cheap[1:]).line
+    assert "nearest" not in trust_of_all(cheap).line  # each has another one
 
 
 # -- the table ---------------------------------------------------------------------------------------------------------
