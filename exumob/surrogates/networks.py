@@ -178,8 +178,7 @@ class NetworkSet:
             )
         architecture = _architecture(header.get("architecture"), path)
         _check_arrays(architecture, arrays, path)
-        about = header.get("about")
-        _check_about(about, path)
+        about = _checked_about(header.get("about"), path)
         return cls(architecture, arrays, about)
 
     @classmethod
@@ -395,7 +394,7 @@ def _architecture(given: Any, path: Path) -> Architecture:
         raise ValueError(f"{path}: {error} Train again with `exumob train`.") from None
 
 
-def _check_about(about: Any, path: Path) -> None:
+def _checked_about(about: Any, path: Path) -> dict[str, Any]:
     """Refuse a file that does not say for which vehicle its networks are."""
     trained = about.get("geometry") if isinstance(about, dict) else None
     if not isinstance(trained, dict):
@@ -410,6 +409,7 @@ def _check_about(about: Any, path: Path) -> None:
             f"{path}: about.geometry has wrong, unknown or missing parameters: {', '.join(unknown + wrong + missing)}; "
             "it is of another version, train again with `exumob train`."
         )
+    return dict(about)
 
 
 def _check_arrays(architecture: Architecture, arrays: dict[str, Single], path: Path) -> None:
