@@ -32,6 +32,7 @@ from exumob.support.declared import Declared, checked, declared_fields
 from exumob.support.files import atomic_write
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity
+from exumob.surrogates.networks import GEOMETRY
 from exumob.sweeps.experiment import STEPS, Experiment
 from exumob.sweeps.run import Progress, sweep
 from exumob.sweeps.sampling import (
@@ -49,6 +50,8 @@ from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)
 
+TRIED_DRAWS = 64
+"""Number of draws up to which each is tried before anything runs; of more the extreme ones."""
 NODE_BYTES = 200
 """Memory for a node of the finest level: its sums, and the variables of the result."""
 SCATTER: dict[str, Distribution] = {
@@ -129,12 +132,13 @@ class MobilityMap(Declared):
         ends = [{axis.name: end} for axis in (self.x, self.y) for end in (axis.low, axis.high)]
         one_model = self.crossing.experiment.with_one_model([*self.panels.values(), *ends])
         object.__setattr__(self, "crossing", replace(self.crossing, experiment=one_model))
-        draws = self.factors()
+        draws = _extreme(self.factors())
+        shaped = any(name in GEOMETRY for name in self.scatter)
         for case in self.panels.values():
             for x, y in itertools.product((self.x.low, self.x.high), (self.y.low, self.y.high)):
-                for factors in draws:
+                for n, factors in enumerate(draws):
                     tried = self.crossing.experiment.with_values(self.case(case, x, y, factors))
-                    if (x, y) == (self.x.high, self.y.high):
+                    if (x, y) == (self.x.high, self.y.high) and (n == 0 or shaped):
                         tried.check()
 
     def trust(self) -> dict[str, str | float]:
@@ -168,6 +172,18 @@ class MobilityMap(Declared):
             else:
                 values[name] = factor * at.value(name)
         return values
+
+
+def _extreme(draws: list[Case]) -> list[Case]:
+    """Of many draws those with the smallest and the largest factor of each name, and the first."""
+    if len(draws) <= TRIED_DRAWS:
+        return draws
+    chosen = {0}
+    for name in draws[0]:
+        factors = [draw[name] for draw in draws]
+        if all(isinstance(factor, int | float) for factor in factors):
+            chosen |= {int(np.argmin(factors)), int(np.argmax(factors))}
+    return [draws[n] for n in sorted(chosen)]
 
 
 def quantity_of(experiment: Experiment, name: str) -> tuple[str, str]:

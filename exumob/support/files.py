@@ -136,7 +136,7 @@ def read_netcdf(file: str | Path, needed: Iterable[str] = (), *, decode_times: b
     OSError
         If the file may not be read.
     """
-    import h5py  # type: ignore[import-untyped]
+    import h5py
     import xarray as xr
 
     path = Path(file)

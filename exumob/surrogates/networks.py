@@ -178,8 +178,7 @@ class NetworkSet:
             )
         architecture = _architecture(header.get("architecture"), path)
         _check_arrays(architecture, arrays, path)
-        about = _checked_about(header.get("about"), path)
-        return cls(architecture, arrays, about)
+        return cls(architecture, arrays, _checked_about(header.get("about"), path))
 
     @classmethod
     def stacked(cls, sets: Sequence[NetworkSet]) -> NetworkSet:
@@ -395,9 +394,9 @@ def _architecture(given: Any, path: Path) -> Architecture:
 
 
 def _checked_about(about: Any, path: Path) -> dict[str, Any]:
-    """Refuse a file that does not say for which vehicle its networks are."""
+    """Return the origin of networks, or refuse a file that does not say for which vehicle they are."""
     trained = about.get("geometry") if isinstance(about, dict) else None
-    if not isinstance(trained, dict):
+    if not isinstance(about, dict) or not isinstance(trained, dict):
         raise ValueError(
             f"{path} does not say for which vehicle its networks were trained (about.geometry is {shown(trained)}); it "
             "is incomplete, train again with `exumob train`."
@@ -409,7 +408,7 @@ def _checked_about(about: Any, path: Path) -> dict[str, Any]:
             f"{path}: about.geometry has wrong, unknown or missing parameters: {', '.join(unknown + wrong + missing)}; "
             "it is of another version, train again with `exumob train`."
         )
-    return dict(about)
+    return about
 
 
 def _check_arrays(architecture: Architecture, arrays: dict[str, Single], path: Path) -> None:

@@ -33,6 +33,7 @@ from exumob.simulation.summary import FIGURES
 from exumob.support.cost import spelled_size
 from exumob.support.files import atomic_write
 from exumob.support.provenance import package_version, provenance
+from exumob.support.quantities import shown
 from exumob.sweeps.experiment import Experiment
 from exumob.sweeps.identity import differences, digest, file_text, identity, stable_repr
 from exumob.sweeps.sampling import ROW_BYTES, Case
@@ -499,7 +500,10 @@ def room_needed(function: Any, number: int, keep_runs: bool) -> float:
 
 def case_text(case: Case) -> str:
     """Values of a case as JSON, files with a digest of their contents."""
-    return json.dumps(case, default=_plain_value)
+    try:
+        return json.dumps(case, default=_plain_value)
+    except (ValueError, TypeError, RecursionError) as error:
+        raise ValueError(f"sweep.cases: {shown(case)} cannot be kept ({error}); give numbers or texts.") from None
 
 
 def write_text(file: Path, text: str) -> None:

@@ -121,7 +121,7 @@ def _until_then(error: BaseException) -> dict[str, Any]:
 def _summary(found: xr.Dataset) -> dict[str, Any]:
     try:
         return summary(found)
-    except (KeyError, AttributeError) as error:
+    except (KeyError, AttributeError, ValueError) as error:
         raise TypeError(f"it returned a Dataset that is none of simulate ({error}); return numbers by name") from None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -139,6 +140,10 @@ class Choice(Declared):
     def _check(self) -> None:
         if not self.values:
             raise ValueError("Choice.values is empty; give one value at least.")
+        try:
+            json.dumps(self.values, default=lambda value: type(value).__name__)
+        except (ValueError, TypeError, RecursionError) as error:
+            raise ValueError(f"Choice.values cannot be kept ({error}); give numbers or texts.") from None
         weights = self.weights or (1.0,) * len(self.values)
         if len(weights) != len(self.values) or not 0.0 < sum(weights) < math.inf:
             raise ValueError(f"Choice.weights = {self.weights}: give one weight >= 0 for each of {self.values}.")

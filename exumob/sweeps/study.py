@@ -72,7 +72,8 @@ def read_study(file: str | Path) -> tuple[Experiment, list[Case]]:
     try:
         found = _parsed(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ValueError(f"study file {path} is not TOML: {error or 'it is nested too deeply'}{_hint(error)}") from None
+        what = "it is nested too deeply" if isinstance(error, RecursionError) else str(error)
+        raise ValueError(f"study file {path} is not TOML: {what}{_hint(error)}") from None
     try:
         return _study(found, path.parent)
     except (ValueError, OSError) as error:
@@ -95,7 +96,10 @@ def from_options(
     SEED.check("--seed", seed)
     base = amphibious_lane_change()
     if vehicle is not None:
-        base = replace(base, vehicle=load_vehicle(vehicle))
+        try:
+            base = replace(base, vehicle=load_vehicle(vehicle))
+        except OSError as error:
+            raise ValueError(str(error)) from None
     values: dict[str, Any] = {}
     for text in settings:
         name, sign, value = text.partition("=")
@@ -185,7 +189,7 @@ def _quoted(owner: str, field: str) -> str:
 
 def _hint(error: Exception) -> str:
     if "overwrite" not in str(error):
-        return ""
+        return "; mend it there (docs/howto/sweeps.md shows a whole file)."
     return (
         '; a name stands twice, or as a value and as a table: write soil = "..." and "soil.cohesion" = ... (in '
         "quotation marks) side by side."
