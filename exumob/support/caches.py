@@ -59,6 +59,9 @@ def _home_writable() -> bool:
 def _writable(folder: Path) -> bool:
     """Tell if a folder can be written, or made."""
     for place in (folder, *folder.parents):
-        if place.exists():
-            return place.is_dir() and os.access(place, os.W_OK | os.X_OK)
+        try:
+            if place.exists():
+                return place.is_dir() and os.access(place, os.W_OK | os.X_OK)
+        except OSError:  # within a folder that may not be entered
+            return False
     return False

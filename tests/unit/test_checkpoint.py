@@ -143,9 +143,7 @@ def test_a_folder_that_cannot_be_written_is_noticed_first(tmp_path, monkeypatch)
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(
-        ValueError, match=r"checkpoint .*run\.npz cannot be written: No space left on device; give"
-    ):
+    with pytest.raises(ValueError, match=r"checkpoint .*run\.npz cannot be written: No space left on device; give"):
         Checkpoints(tmp_path / "run.npz", FINGERPRINT, resume=False)
     (tmp_path / "folder.npz").mkdir()
     with pytest.raises(ValueError, match="this is a folder; give a file name"):
