@@ -83,7 +83,8 @@ def scene(number: int) -> dict[str, Any]:
     if rng.random() < 0.5:
         soil = varied(rng, soil, 0.4, 2.0)
     soil = replace(
-        soil, pressure_form=rng.choice(["bekker", "bekker", "reece"]), shear_limit=rng.choice(["per_axis", "resultant"]),
+        soil, pressure_form=rng.choice(["bekker", "bekker", "reece"]), shear_limit=rng.choice(["per_axis",
+        "resultant"]),
         rebound_ratio=rng.choice([0.0, 0.1, 0.5]),
     )  # fmt: skip
     found: dict[str, Any] = {"vehicle": vehicle, "soil": soil, "maneuver": maneuver(rng)}
