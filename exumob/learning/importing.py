@@ -13,25 +13,28 @@ checked. Loads act on the body about its origin: the hull's centre of mass, the 
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from exumob.learning.dataset import SAMPLING
+from exumob.learning.dataset import DOUBLE, SAMPLING, check_loads, check_motion
 from exumob.simulation.results import VARIABLES
 from exumob.support.arrays import Array
-from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.support.dimensions import with_described_names
+from exumob.support.files import read_netcdf
 from exumob.support.provenance import parameters_json, provenance
+from exumob.support.quantities import Quantity
 from exumob.support.smoothing import smoothed
+from exumob.support.tables import read_table
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.water.conditions import Water
 from exumob.water.flow_states import FLOW_STATES, flow_states
@@ -63,15 +66,16 @@ SPEED_TOLERANCE = 0.05
 """Largest difference of given speeds from those of the positions, rms over rms [-]."""
 
 
+@checked
 def import_histories(
-    file: str | Path,
+    file: Path,
     water: Water,
     *,
     names: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
     up: Literal["z", "-z"] = "z",
     load_axes: Literal["body", "world"] = "body",
-    bed: float = 0.0,
+    bed: Annotated[float, Quantity("m", at_least=-1e5, at_most=1e5)] = 0.0,
     scenario: str | None = None,
 ) -> xr.Dataset:
     """Read time histories of another program as a run to learn from, with a sample every millisecond.
@@ -103,14 +107,11 @@ def import_histories(
     Raises
     ------
     ValueError
-        If columns are missing, units unknown or not given, samples uneven, too far apart or not finite, or if motion
-        and loads contradict the axes given for them.
+        If columns are missing, units unknown or not given, samples uneven, too far apart or not finite, if motion
+        and loads contradict the axes given for them, if nothing moves, or if the loads are far beyond what the water
+        can exert.
     """
-    if up not in ("z", "-z"):
-        raise ValueError(f"import_histories.up = {up!r} is not known; use 'z' or '-z'.")
-    if load_axes not in ("body", "world"):
-        raise ValueError(f"import_histories.load_axes = {load_axes!r} is not known; use 'body' or 'world'.")
-    path = Path(file)
+    path = file
     columns = _Columns(path, dict(names or {}), dict(units or {}))
     time = columns.of("time")
     _check_time(time, path)
@@ -129,14 +130,14 @@ def import_histories(
         given = None if given is None else given * flip
     if load_axes == "world":
         loads = np.einsum("nbij,nbki->nbkj", rotation, loads.reshape(-1, 5, 2, 3)).reshape(-1, 5, 6)
+    check_motion(time, position, str(path))
     _check_places(position, rotation, path)
 
     states = _resampled(time - time[0], position, rotation)
     if given is not None:
         _check_speeds(time - time[0], given, states, path)
     wrench = np.stack([_line(time - time[0], loads[:, b], states.time) for b in range(5)], axis=1)
-    _check_motion(states, path)
-    _check_loads(states, wrench, water, path)
+    check_loads(states, wrench, water, str(path))
     _check_lift(states, wrench, path)
     return _dataset(states, wrench, water, path, scenario or path.stem)
 
@@ -181,13 +182,8 @@ class _Columns:
 
 
 def _read_csv(path: Path) -> dict[str, tuple[Array, str | None]]:
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        headers = next(csv.reader(stream, skipinitialspace=True))
-        rows = np.genfromtxt(stream, delimiter=",", ndmin=2)
-    if rows.shape[1] != len(headers):
-        raise ValueError(f"{path}: {len(headers)} names head {rows.shape[1]} columns; separate them by commas.")
     found: dict[str, tuple[Array, str | None]] = {}
-    for header, values in zip(headers, rows.T, strict=True):
+    for header, values in read_table(path).items():
         match = re.fullmatch(r"(.*?)\s*\[(.*)\]\s*", header)
         name, unit = (match[1], match[2].strip()) if match else (header.strip(), None)
         found[name] = (values, unit)
@@ -195,21 +191,11 @@ def _read_csv(path: Path) -> dict[str, tuple[Array, str | None]]:
 
 
 def _read_netcdf(path: Path) -> dict[str, tuple[Array, str | None]]:
-    try:
-        with xr.open_dataset(path, decode_times=False) as data:
-            return {
-                str(name): (np.asarray(v.values, float), v.attrs.get("units"))
-                for name, v in data.variables.items()
-                if v.ndim == 1 and v.dtype.kind in "fiu"
-            }
-    except MemoryError:
-        raise
-    except Exception as error:  # each library raises its own
-        text = " ".join(str(error).split())[:200]
-        raise ValueError(
-            f"{path} cannot be read as netCDF ({type(error).__name__}: {text}): it is damaged, cut off, or of another "
-            "kind; give netCDF, or a table whose name ends in .csv."
-        ) from None
+    return {
+        str(name): (np.asarray(v.values, float), v.attrs.get("units"))
+        for name, v in read_netcdf(path, decode_times=False).variables.items()
+        if v.ndim == 1 and v.dtype.kind in "fiu"
+    }
 
 
 def _stack(columns: _Columns, quantities: tuple[str, ...]) -> Array:
@@ -268,30 +254,6 @@ def _check_speeds(time: Array, given: Array, states: BodyStates, path: Path) -> 
         )
 
 
-def _check_motion(states: BodyStates, path: Path) -> None:
-    """Refuse a file in which nothing moves: the loads of a vehicle at rest teach networks nothing."""
-    way = float(np.ptp(states.position[:, 0], axis=0).max())
-    turned = float(np.abs(states.rotation[:, 0] - states.rotation[0, 0]).max())
-    if way < 1e-3 and turned < 1e-3:
-        raise ValueError(
-            f"{path}: the hull moves by {1e3 * way:.2g} mm and turns by {turned:.2g} in {np.ptp(states.time):.3g} s; "
-            "give a run in which the vehicle drives. Look at the unit and the names of the positions."
-        )
-
-
-def _check_loads(states: BodyStates, wrench: Array, water: Water, path: Path) -> None:
-    """Refuse forces far beyond what water can exert on a vehicle of this size at this speed."""
-    size = float(np.linalg.norm(np.ptp(states.position[0, 1:], axis=0)))  # from wheel to wheel
-    speed = float(np.linalg.norm(states.velocity[:, 0], axis=-1).max()) + water.current_speed
-    most = LARGEST_LOAD * water.density * (GRAVITY * size + speed**2) * size**2
-    largest = float(np.abs(wrench[..., :3]).max())
-    if largest > most:
-        raise ValueError(
-            f"{path}: forces reach {largest:.3g} N, beyond {most:.3g} N, {LARGEST_LOAD:g} density (g L + v^2) L^2 "
-            f"with L = {size:.3g} m between the wheels and v = {speed:.3g} m/s; look at the unit of the forces."
-        )
-
-
 def _check_lift(states: BodyStates, wrench: Array, path: Path) -> None:
     lift = np.einsum("nbj,nbj->nb", states.rotation[..., 2, :], wrench[..., :3]).sum(axis=1).mean()
     if lift < 0.0:
@@ -325,9 +287,9 @@ def _resampled(time: Array, position: Array, rotation: Array) -> BodyStates:
     )  # fmt: skip
 
 
-def _kept_as(name: str) -> type:
-    """Single precision, but for positions: in map coordinates that is half a metre."""
-    return np.float64 if name == "position" else np.float32
+def _packed(name: str, values: Array) -> NDArray[Any]:
+    """Values in the precision of a packed run."""
+    return values.astype(np.float64 if name in DOUBLE else np.float32)
 
 
 def _dataset(states: BodyStates, wrench: Array, water: Water, path: Path, scenario: str) -> xr.Dataset:
@@ -355,7 +317,7 @@ def _dataset(states: BodyStates, wrench: Array, water: Water, path: Path, scenar
     values["water_wrench_smooth"] = smoothed(wrench, SAMPLING)
     found = xr.Dataset(
         {
-            name: (dims.split(), values[name].astype(_kept_as(name)), {"units": unit, "long_name": text})
+            name: (dims.split(), _packed(name, values[name]), {"units": unit, "long_name": text})
             for name, (dims, unit, text) in described.items()
         },
         coords={

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 import xarray as xr
 
+from exumob.mobility.lattice import MEASURES
 from exumob.simulation.verdict import Verdict, VerdictLimits, judge, verdict_of_error, wheel_load_share
 from exumob.support.declared import Declared, checked
 from exumob.support.errors import SimulationError
@@ -144,6 +145,15 @@ class Crossing(Declared):
                 "out_of_range": outside,
             }  # fmt: skip
         return judge_crossing(run, self.limits)
+
+    @property
+    def variables(self) -> dict[str, tuple[str, str]]:
+        """Unit and meaning of the numbers of `judge_crossing`, by name, as sweeps keep them."""
+        return MEASURES | {
+            "crossed": ("1", "1 if the vehicle crossed, else 0"),
+            "failure": ("1", f"number of the failure: {', '.join(FAILURES)}, from 0 on"),
+            "failure_since": ("s", "first onset of the failure"),
+        }
 
     @property
     def parameters(self) -> dict[str, Any]:

@@ -219,7 +219,7 @@ DEPTH = Quantity("m", above=0.0, at_most=1e4, plausible=(1e-3, 50.0))
 DEPTH_RATIO = Quantity("1", above=0.0, at_most=1e4, plausible=(0.01, 50.0))
 """Depth of water over the tyre's diameter"""
 CURRENT_SPEED = Quantity(
-    "m/s", at_least=0.0, at_most=100.0, plausible=(1e-3, 15.0), remedy="turn the flow with its direction."
+    "m/s", at_least=0.0, at_most=100.0, plausible=(0.0, 15.0), remedy="turn the flow with its direction."
 )  # fmt: skip
 """Speed of a current over ground"""
 DIRECTION = Quantity("rad", plausible=(-2.0 * math.pi, 2.0 * math.pi))

@@ -111,6 +111,71 @@ def test_run_sampled_too_seldom_is_not_packed(run):
         pack(run.isel(time=slice(None, None, 10)))
 
 
+BAD_RUNS = [
+    (lambda r: r["position"].values.fill(np.nan), r"position is not finite at 150 of 150 places, first at 0\.000 s"),
+    (lambda r: r["velocity"].values.__setitem__((5, 0, 0), np.inf), r"velocity is not finite at 1 of 150"),
+    (lambda r: r["water_wrench"].values.__setitem__((3, 1, 2), np.nan), r"water_wrench is not finite"),
+    (
+        lambda r: r["position"].values.__setitem__(slice(None), r["position"].values[:1]),
+        r"no body moves by more than 0 m",
+    ),
+    (lambda r: r["position"].values.__imul__(1e3), r"a body moves at .* m/s, beyond the limit of 100 m/s"),
+    (lambda r: r["water_wrench"].values.__imul__(1e30), r"forces of .* N are .* times what 0\.12 m of water exert"),
+    (lambda r: r["water_wrench"].values.__imul__(1e4), r"forces of .* look at the unit of the loads"),
+    (lambda r: r["water_wrench"].values[..., 3:].__imul__(1e5), r"moments of .* N m are"),
+    (lambda r: r["water_wrench"].values.fill(0.0), r"all forces of the water are 0"),
+    (lambda r: r["quaternion"].values.__imul__(2.0), r"quaternions have norms of 2 to 2"),
+    (lambda r: r["time"].variable._data, None),
+    (lambda r: r.attrs.update(parameters="{}"), r"do not say in which water"),
+    (lambda r: r.attrs.update(parameters="[1]"), r"do not say in which water"),
+    (lambda r: r.attrs.update(parameters="no JSON"), r"do not say in which water"),
+    (lambda r: r.attrs.update(parameters='{"water": {"Water": {"depth": "a"}}}'), r"do not say in which water"),
+    (lambda r: r.attrs.update(parameters='{"water": null}'), r"made without water"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), BAD_RUNS, ids=[str(message) for _, message in BAD_RUNS])
+def test_runs_that_teach_nothing_are_refused(small, tmp_path, change, message):
+    run = small.copy(deep=True).load()
+    change(run)
+    file = save_dataset(run, tmp_path / "bad.nc")
+    if message is None:
+        assert load_runs([file])
+        return
+    with pytest.raises(ValueError, match=message):
+        load_runs([file])
+
+
+@pytest.fixture(scope="module")
+def small(run):
+    """Ten samples of the packed run at full speed."""
+    part = pack(run).isel(time=slice(2000, 2010))
+    return part.assign_coords(time=part["time"] - part["time"][0])
+
+
+def test_variables_of_another_shape_are_refused(small, tmp_path):
+    flat = small.assign(position=small["position"].isel(axis=0))
+    with pytest.raises(ValueError, match=r"position has shape \(10, 5\) of float64; it must be \(10, 5, 3\)"):
+        load_runs([save_dataset(flat, tmp_path / "flat.nc")])
+    with pytest.raises(ValueError, match="is not a run to learn from"):
+        load_runs([save_dataset(small.drop_vars("velocity"), tmp_path / "less.nc")])
+    (tmp_path / "torn.nc").write_bytes((tmp_path / "less.nc").read_bytes()[:3000])
+    with pytest.raises(ValueError, match=r"torn\.nc cannot be read as netCDF-4"):
+        load_runs([tmp_path / "torn.nc"])
+
+
+def test_coordinates_of_a_map_keep_their_millimetres(run, tmp_path):
+    """Positions near 5e6 m (UTM), packed and imported: exact to 1e-8 m, where single precision has steps of 0.5 m."""
+    far = run.assign(position=run["position"] + np.array([5.0e5, 5.2e6, 0.0]))
+    file = save_dataset(pack(far.assign_attrs(scenario="far")), tmp_path / "far.nc")
+    packed = load_runs([file])["far"]
+    assert np.abs(packed["position"].values - far["position"].values).max() < 1e-8
+    columns = columns_of(far)
+    found = import_histories(write_csv(tmp_path / "far.csv", columns, SI), WATER)
+    assert np.abs(found["position"].values - far["position"].values).max() < 1e-4
+    assert np.abs(found["velocity"].values - far["velocity"].values)[20:-20].max() < 0.01
+
+
 # -- import ------------------------------------------------------------------------------------------------------------
 
 
@@ -206,6 +271,22 @@ def test_names_and_units_given_by_hand_netcdf_and_coarser_samples(run, tmp_path)
         (lambda c: c.update(hull_yaw=40.0 * np.sin(3.0 * c["time"])), {}, "contradict each other"),
         (lambda c: None, {"units": {"mass": "kg"}}, "mass is not a kind"),
         (lambda c: None, {"load_axes": "ship"}, "load_axes = 'ship'"),
+        (
+            lambda c: c.update({n: 1e30 * v for n, v in c.items() if n[-2] in "FM"}),
+            {},
+            "forces of .* times what",
+        ),
+        (lambda c: c.update({n: 1e4 * v for n, v in c.items() if n[-2] == "M"}), {}, "moments of .* look at the unit"),
+        (lambda c: c.update({n: 0.0 * v for n, v in c.items() if n[-2] == "F"}), {}, "all forces of the water are 0"),
+        (
+            lambda c: c.update({n: 0.0 * v + v[0] for n, v in c.items() if n != "time"}),
+            {},
+            "no body moves by more than 0",
+        ),
+        (lambda c: c.update({n: 1e3 * v for n, v in c.items() if n[-2:] in ("_x", "_y", "_z")}), {}, "a body moves at"),
+        (lambda c: c.update({n: 1e300 * v for n, v in c.items() if n[-2:] in ("_x", "_y")}), {}, "a body moves at"),
+        (lambda c: None, {"bed": float("nan")}, "bed"),
+        (lambda c: None, {"units": 3}, "units"),
     ],
 )
 def test_what_contradicts_itself_is_refused(run, tmp_path, change, given, message):
