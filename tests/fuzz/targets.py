@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import functools
 import importlib
 import inspect
 import json
@@ -81,7 +82,7 @@ OTHER_CLASSES = (
     "sweeps.tuning.Simplex", "mobility.crossing.Limits", "mobility.crossing.Crossing", "mobility.map.Axis",
     "mobility.map.MobilityMap", "surrogates.networks.Architecture", "learning.presets.Preset",
 )  # fmt: skip
-"""Classes that users make and that are not declared everywhere, by module and name; `declared_classes` finds the rest"""
+"""Classes that users make and that are not declared everywhere, by module and name; `declared_classes` finds others"""
 
 
 def user_classes() -> list[type]:
@@ -98,7 +99,9 @@ def base_of(owner: type) -> dict[str, Given]:
     """Valid values of all fields that must be given."""
     if owner in EXAMPLES:
         thing = EXAMPLES[owner][0].make()
-        return {f.name: Given(f.name, lambda v=getattr(thing, f.name): v, "valid") for f in fields(thing) if f.init}
+        return {
+            f.name: Given(f.name, functools.partial(getattr, thing, f.name), "valid") for f in fields(thing) if f.init
+        }  # fmt: skip
     hints = typing.get_type_hints(owner, include_extras=True)
     found = {}
     for f in fields(owner):
@@ -280,7 +283,7 @@ def function_target(
     known = _hints_of(function) | dict(hints or {})
     parameters = inspect.signature(function).parameters
     varied = {
-        n: typing.Optional[known.get(n, Any)] if p.default is None else known.get(n, Any) for n, p in parameters.items()
+        n: known.get(n, Any) | None if p.default is None else known.get(n, Any) for n, p in parameters.items()
         if n not in leave and p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and n != "self"
     }  # fmt: skip
 
