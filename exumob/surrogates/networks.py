@@ -178,9 +178,7 @@ class NetworkSet:
             )
         architecture = _architecture(header.get("architecture"), path)
         _check_arrays(architecture, arrays, path)
-        about = header.get("about")
-        _check_about(about, path)
-        return cls(architecture, arrays, about)
+        return cls(architecture, arrays, _checked_about(header.get("about"), path))
 
     @classmethod
     def stacked(cls, sets: Sequence[NetworkSet]) -> NetworkSet:
@@ -395,10 +393,10 @@ def _architecture(given: Any, path: Path) -> Architecture:
         raise ValueError(f"{path}: {error} Train again with `exumob train`.") from None
 
 
-def _check_about(about: Any, path: Path) -> None:
-    """Refuse a file that does not say for which vehicle its networks are."""
+def _checked_about(about: Any, path: Path) -> dict[str, Any]:
+    """Return the origin of networks, or refuse a file that does not say for which vehicle they are."""
     trained = about.get("geometry") if isinstance(about, dict) else None
-    if not isinstance(trained, dict):
+    if not isinstance(about, dict) or not isinstance(trained, dict):
         raise ValueError(
             f"{path} does not say for which vehicle its networks were trained (about.geometry is {shown(trained)}); it "
             "is incomplete, train again with `exumob train`."
@@ -410,6 +408,7 @@ def _check_about(about: Any, path: Path) -> None:
             f"{path}: about.geometry has wrong, unknown or missing parameters: {', '.join(unknown + wrong + missing)}; "
             "it is of another version, train again with `exumob train`."
         )
+    return about
 
 
 def _check_arrays(architecture: Architecture, arrays: dict[str, Single], path: Path) -> None:
