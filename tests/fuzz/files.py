@@ -232,7 +232,9 @@ def mesh_file() -> bytes:
     """A watertight box as STL."""
     import trimesh
 
-    return bytes(trimesh.creation.box((1.0, 0.44, 0.2), np.eye(4) + np.eye(4, k=3) * 0.0).export(file_type="stl"))
+    box = trimesh.creation.box((1.0, 0.44, 0.2))
+    box.apply_translation((0.0, 0.0, 0.178))
+    return bytes(box.export(file_type="stl"))
 
 
 def _wetted_hull(path: Path) -> Any:
