@@ -125,7 +125,20 @@ def _finite_or_documented(variable: xr.Variable) -> bool:
 
 
 SOILS = [row.soil for row in Soil.published_table()]
-NAMES = ("run", "vehicle", "maneuver", "terrain", "soil", "water", "simulate", "settle", "s:", "hydrodynamics", "wheel")
+NAMES = (
+    "run",
+    "vehicle",
+    "maneuver",
+    "terrain",
+    "soil",
+    "water",
+    "simulate",
+    "settle",
+    "s:",
+    "hydrodynamics",
+    "wheel",
+    "CoefficientHydrodynamics",
+)
 """Words of which an error of a run holds one, beside the vehicle's name"""
 
 
