@@ -27,7 +27,8 @@ REMEDY = re.compile(
     r"\b(must|give|use|choose|leave|fill|is it in|did you mean|write|mend|check|steer less|move|round|raise|lower|"
     r"install|create|remove|sort|shift|ramp|add|pick|start|look|name|try|delete|make|turn|put|take|keep|wait|stop|"
     r"allow|exchange|widen|needs?|lies|want|set|reduce|shorten|lengthen|increase|load|run|accept|draw|save|"
-    r"wants?|exchange|within|if it is meant|makes?|holds|does not exist|close|lists?|it has|at line \d+)\b|outside \[",
+    r"wants?|exchange|within|if it is meant|makes?|holds|does not exist|close|lists?|it has|halve|soften|"
+    r"at line \d+|at end of document)\b|outside \[",
     re.IGNORECASE,
 )
 """Words of a remedy, or of what is wanted"""
@@ -60,7 +61,8 @@ class Silent(Exception):
 
 
 def outcome_of(
-    call: Callable[[], Any], names: Iterable[str], *, refused: bool = False, verify: Callable[[Any], None] | None = None,
+    call: Callable[[], Any], names: Iterable[str], *, refused: bool = False, verify: Callable[[Any],
+    None] | None = None,
     clear: tuple[type[BaseException], ...] = (ValueError, SimulationError), time_limit: float = TIME_LIMIT,
 ) -> Outcome:  # fmt: skip
     """Call, and classify the answer.
