@@ -11,21 +11,19 @@ import logging
 import math
 from collections.abc import Callable
 from dataclasses import asdict, fields, replace
-from numbers import Real
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from exumob.coupling.flow_code import CELL_SIZE, BuiltInFlow, FlowCode
+from exumob.coupling.reports import checked_loads, checked_report
 from exumob.coupling.spin_up import FlowSpinUp, poses_between, poses_during_ramp
 from exumob.flow.cost import FlowCost
 from exumob.flow.poses import Poses
 from exumob.support.arrays import Array
 from exumob.support.checks import require_positive
 from exumob.support.declared import checked
-from exumob.support.errors import SimulationError
-from exumob.support.quantities import shown
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
@@ -176,7 +174,7 @@ class CfdHydrodynamics:
 
     def _advance_held(self, time: float, poses: Poses) -> None:
         """Advance the flow with the held vehicle to a time [s], and save its state if that is due."""
-        wrenches = _checked_answer(self.flow, self.flow.advance(time, poses), time, len(poses.position))
+        wrenches = self._advanced(time, poses)
         self._spin_up_times.append(time)
         self._spin_up_wrenches.append(wrenches)
         self._poses = poses
@@ -209,13 +207,17 @@ class CfdHydrodynamics:
             )  # fmt: skip
         ahead = predict()
         poses = Poses.from_states(ahead)
-        end = float(ahead.time[-1])
-        wrenches = _checked_answer(self.flow, self.flow.advance(end, poses), end, len(poses.position))
-        report = _checked_report(self.flow, self.flow.report(), self._reports[0] if self._reports else None, end)
+        wrenches = self._advanced(float(ahead.time[-1]), poses)
+        names = sorted(self._reports[-1]) if self._reports else None
+        report = checked_report(type(self.flow).__name__, self.flow.report(), names)
         self._poses = poses
         self._times.append(float(history.time[-1]))
         self._reports.append(report)
         return wrenches
+
+    def _advanced(self, time: float, poses: Poses) -> Array:
+        """Advance the flow to a time [s]; return its loads, checked."""
+        return checked_loads(type(self.flow).__name__, self.flow.advance(time, poses), len(poses.position), time)
 
     def save(self, histories: bool = True) -> dict[str, Any]:
         """Return the state of the flow and the length of the record, or the record itself; see `Hydrodynamics`."""
@@ -265,47 +267,6 @@ class CfdHydrodynamics:
                 attrs={"units": "N, N m", "long_name": "water on the held vehicle, body axes"},
             )  # fmt: skip
         return found
-
-
-def _checked_answer(flow: FlowCode, wrenches: Any, time: float, bodies: int) -> Array:
-    """Return the wrenches that a flow code gave, or refuse them if they are no finite numbers of shape (bodies, 6)."""
-    name = type(flow).__name__
-    try:
-        found = np.array(wrenches, dtype=float)
-    except (ValueError, TypeError, OverflowError) as error:
-        raise SimulationError(
-            f"{name}.advance returned {shown(wrenches)} at {time:.4f} s, which is no array of numbers ({error}); it "
-            f"must return forces and moments of shape ({bodies}, 6)."
-        ) from None
-    if found.shape != (bodies, 6):
-        raise SimulationError(
-            f"{name}.advance returned shape {found.shape} at {time:.4f} s; it must return forces and moments of shape "
-            f"({bodies}, 6)."
-        )
-    if not np.isfinite(found).all():
-        raise SimulationError(
-            f"{name}.advance returned a load that is not finite at {time:.4f} s; look for the cause in the flow code, "
-            "or halve macro_step."
-        )
-    return found
-
-
-def _checked_report(flow: FlowCode, report: Any, first: dict[str, float] | None, time: float) -> dict[str, float]:
-    """Return the figures that a flow code reports, or refuse them if they are no numbers or their names change."""
-    name = type(flow).__name__
-    if not isinstance(report, dict) or not all(isinstance(key, str) for key in report):
-        raise SimulationError(
-            f"{name}.report returned {shown(report)} at {time:.4f} s; it must return numbers by name."
-        )
-    if first is not None and set(report) != set(first):
-        raise SimulationError(
-            f"{name}.report returned the names {', '.join(report) or 'none'} at {time:.4f} s, and "
-            f"{', '.join(first) or 'none'} before; they must always be the same."
-        )
-    for key, value in report.items():
-        if not isinstance(value, Real):
-            raise SimulationError(f"{name}.report: {key} = {shown(value)} at {time:.4f} s; it must be a number.")
-    return {key: float(value) for key, value in report.items()}
 
 
 def _report_attributes(name: str) -> dict[str, str]:

@@ -18,7 +18,8 @@ that the same state gives the same bits. Units, axes and order of bodies: `FlowC
 velocity [m/s], three components; `P` is `{"position": n x 3, "rotation": n x 3 x 3, "velocity": n x 3,
 "angular_velocity": n x 3, "spin": n}`; `loads` are the mean wrenches on the n bodies. A code that cannot go on answers
 `{"error": "why, and what to do"}`: as the answer to "start" this becomes a ValueError, to anything else a
-SimulationError. Answers longer than 1 MiB, or 256 MiB for a state, end the run before they are read.
+SimulationError. Answers longer than 1 MiB, or 256 MiB for a state, end the run before they
+are read; so do lists and objects nested deeper than 100, and a report of more than 1000 figures or of changing names.
 
 Neither side runs code of the other: messages are data. The connection is not encrypted and nobody is asked for a
 password: use a tunnel (ssh -L) beyond machines that you trust.
@@ -27,15 +28,16 @@ password: use a tunnel (ssh -L) beyond machines that you trust.
 from __future__ import annotations
 
 import json
+import re
 import socket
 import struct
+import time as clock
 from dataclasses import fields
 from typing import Annotated, Any
 
-import numpy as np
-
+from exumob.coupling.reports import checked_loads, checked_report
 from exumob.flow.poses import Poses
-from exumob.support.arrays import Array, checked_array
+from exumob.support.arrays import Array
 from exumob.support.declared import checked
 from exumob.support.errors import SimulationError
 from exumob.support.provenance import parameters_json
@@ -50,8 +52,8 @@ LONGEST_STATE = 1 << 28
 """Longest saved state that is accepted [bytes]; a code with larger ones keeps them in files and sends their names."""
 DEEPEST = 100
 """Deepest nesting of lists and objects in a message."""
-MOST_FIGURES = 1000
-"""Most figures in a report."""
+LONGEST_REASON = 500
+"""Longest part of an answer's "error" that is shown [characters]."""
 
 
 class RemoteFlow:
@@ -94,7 +96,7 @@ class RemoteFlow:
             try:
                 self._socket = socket.create_connection(self.address, self.timeout)
                 self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # small messages, at once
-            except OSError as error:
+            except (OSError, UnicodeError) as error:
                 host, port = self.address
                 raise ValueError(
                     f"RemoteFlow: no flow code answers at {host}:{port} ({error}); start it first, or give its address."
@@ -113,32 +115,19 @@ class RemoteFlow:
     def advance(self, time: float, poses: Poses) -> Array:
         """See `FlowCode`."""
         answer = self._ask("advance", time=time, poses=_as_lists(poses))
-        self._report = self._checked_report(answer.get("report", {}))
-        return _checked_loads(answer.get("loads"), len(poses.position), time)
-
-    def _checked_report(self, found: Any) -> dict[str, float]:
-        """Return the figures of an answer; SimulationError if they are none, or have other names than before."""
-        numbers = isinstance(found, dict) and all(
-            isinstance(value, int | float) and not isinstance(value, bool) for value in found.values()
-        )
-        if not numbers or len(found) > MOST_FIGURES:
-            raise SimulationError(
-                f"RemoteFlow: the report {shown(found)} came back; it must be an object of at most {MOST_FIGURES} "
-                "numbers by name."
-            )
-        if self._names is None:
-            self._names = sorted(found)
-        if sorted(found) != self._names:
-            other = sorted(set(found) ^ set(self._names))
-            raise SimulationError(
-                f"RemoteFlow: the names of the report have changed ({', '.join(other[:5])}); they must always be those "
-                "of the first answer."
-            )
-        return {name: _number(value) for name, value in found.items()}
+        loads = checked_loads("RemoteFlow", answer.get("loads"), len(poses.position), time)
+        self._report = checked_report("RemoteFlow", answer.get("report", {}), self._names)
+        self._names = sorted(self._report)
+        return loads
 
     def save(self) -> Any:
         """See `FlowCode`; as text, so that it can be anything that JSON can hold."""
-        return json.dumps(self._ask("save").get("state"))
+        answer = self._ask("save")
+        if "state" not in answer:
+            raise SimulationError(
+                "RemoteFlow: the answer to 'save' holds no \"state\"; send one, null if there is none."
+            )
+        return json.dumps(answer["state"])
 
     def restore(self, saved: Any) -> None:
         """See `FlowCode`."""
@@ -155,16 +144,17 @@ class RemoteFlow:
                 self._ask("stop")
             except SimulationError:
                 pass  # it has ended already
-            self._socket.close()
-            self._socket = None
+            self._lose()
 
     def _ask(self, what: str, **question: Any) -> dict[str, Any]:
         """Send a question and return its answer; SimulationError if the code is lost or answers with an error."""
         if self._socket is None:
             raise SimulationError("RemoteFlow: not connected; call start first.")
         try:
+            self._socket.settimeout(self.timeout)
             send(self._socket, {"do": what, **question})
-            answer = receive(self._socket, LONGEST_STATE if what == "save" else LONGEST_ANSWER)
+            longest = LONGEST_STATE if what == "save" else LONGEST_ANSWER
+            answer = receive(self._socket, longest, self.timeout)
         except TimeoutError:
             self._lose()
             raise SimulationError(
@@ -175,7 +165,7 @@ class RemoteFlow:
             self._lose()
             raise SimulationError(f"RemoteFlow: the flow code was lost during {what!r}: {error}") from None
         if "error" in answer:
-            raise SimulationError(f"RemoteFlow: {str(answer['error'])[:2000]}")
+            raise SimulationError(f"RemoteFlow: {_reason(answer['error'])}")
         return answer
 
     def _lose(self) -> None:
@@ -191,54 +181,72 @@ def send(stream: socket.socket, message: dict[str, Any]) -> None:
     stream.sendall(LENGTH.pack(len(text)) + text)
 
 
-def receive(stream: socket.socket, longest: int = LONGEST_STATE) -> dict[str, Any]:
-    """Read one message of at most so many bytes.
+def receive(
+    stream: socket.socket, longest: int = LONGEST_STATE, timeout: float | None = None
+) -> dict[str, Any]:  # fmt: skip
+    """Read one message of at most `longest` bytes, the whole of it within `timeout` [s] if that is given.
 
     Raises
     ------
     EOFError
         If the other side has gone.
+    TimeoutError
+        If it takes longer.
     ValueError
         If the message is longer, or is not one JSON object.
     """
-    (length,) = LENGTH.unpack(_read_bytes(stream, LENGTH.size))
+    end = None if timeout is None else clock.monotonic() + timeout
+    (length,) = LENGTH.unpack(_read_bytes(stream, LENGTH.size, end))
     if length > longest:
         raise ValueError(f"a message of {length} bytes is longer than {longest}; is this the right port?")
-    text = _read_bytes(stream, length)
-    if text.count(b"[") + text.count(b"{") > DEEPEST and _depth(text) > DEEPEST:
+    text = _read_bytes(stream, length, end)
+    if _depth(text) > DEEPEST:
         raise ValueError(f"a message is nested deeper than {DEEPEST}")
-    message = json.loads(text)
+    try:
+        message = json.loads(text)
+    except ValueError as error:  # of JSON, or of the encoding
+        raise ValueError(f"a message is not JSON ({error}); it begins with {shown(text[:40])}") from None
     if not isinstance(message, dict):
-        raise ValueError("a message must be one JSON object")
+        raise ValueError(f"a message is {shown(message)}; it must be one JSON object")
     return message
 
 
+_MARKS = re.compile(rb'"[^"\\]*+(?:\\.[^"\\]*+)*+"?|[\[{\]}]', re.DOTALL)
+"""Strings, and brackets outside them."""
+
+
 def _depth(text: bytes) -> int:
-    """Deepest nesting of brackets in a text; those within strings count, too."""
-    level = np.zeros(256, np.int8)
-    level[list(b"[{")], level[list(b"]}")] = 1, -1
-    return int(np.cumsum(level[np.frombuffer(text, np.uint8)], dtype=np.int64).max(initial=0))
+    """Deepest nesting of lists and objects in a text; brackets within strings do not count."""
+    if text.count(b"[") + text.count(b"{") <= DEEPEST:
+        return 0
+    level = deepest = 0
+    for found in _MARKS.finditer(text):
+        mark = found[0]
+        if mark in (b"[", b"{"):
+            level += 1
+            deepest = max(deepest, level)
+        elif mark in (b"]", b"}"):
+            level -= 1
+    return deepest
 
 
-def _number(value: float) -> float:
-    try:
-        return float(value)
-    except OverflowError:
-        return float("inf")
+def _reason(found: Any) -> str:
+    """What an answer gives as its error, on one line."""
+    text = " ".join(found.split()) if isinstance(found, str) else shown(found)
+    if not text:
+        return "the flow code answers with an error, and does not say which; look at its own messages."
+    return text if len(text) <= LONGEST_REASON else f"{text[:LONGEST_REASON]} ... ({len(text)} characters)"
 
 
-def _checked_loads(found: Any, count: int, time: float) -> Array:
-    """Return loads that came back as an array, shape (count, 6); SimulationError if they are none, or not finite."""
-    try:
-        return checked_array("RemoteFlow: loads", found, (count, 6))
-    except ValueError as error:
-        raise SimulationError(f"{error} They came back for {time:.4f} s.") from None
-
-
-def _read_bytes(stream: socket.socket, count: int) -> bytes:
-    """Read so many bytes, however they arrive; EOFError if the connection ends before."""
+def _read_bytes(stream: socket.socket, count: int, end: float | None) -> bytes:
+    """Read so many bytes, however they arrive; EOFError if the connection ends before, TimeoutError after `end`."""
     parts = bytearray()
     while len(parts) < count:
+        if end is not None:
+            left = end - clock.monotonic()
+            if left <= 0.0:
+                raise TimeoutError
+            stream.settimeout(left)
         part = stream.recv(min(count - len(parts), 1 << 20))
         if not part:
             raise EOFError("the connection was closed")
