@@ -51,7 +51,6 @@ def test_afloat(vehicle, sand):
     assert math.isnan(summary(run)["mean_slip"])
 
 
-@pytest.mark.xfail(reason="afloat in a current the first step breaks down: Newton does not converge")
 def test_swept_away_afloat(vehicle, sand):
     """Nothing holds it in a current from the side: aside at once; the wheels push hardly at all."""
     water = Water(0.5, 1.0, current_direction=0.5 * math.pi)
