@@ -18,6 +18,7 @@ from scipy.optimize import nnls
 from exumob.learning.dataset import base_loads, body_states, load_runs, usable, water_of, windows
 from exumob.learning.presets import Preset
 from exumob.paper.scenarios import UNSEEN
+from exumob.support.declared import checked
 from exumob.surrogates.inputs import MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
 from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, Single
 from exumob.vehicle.parameters import Vehicle
@@ -47,6 +48,7 @@ class Examples:
         return x, np.concatenate([self.loads[run][rows] for run, rows in chosen])
 
 
+@checked
 def training_runs(folder: str | Path) -> dict[str, xr.Dataset]:
     """Runs of a folder by name, without those kept for the final evaluation (`exumob.paper.scenarios.UNSEEN`).
 

@@ -155,8 +155,8 @@ class _Search:
                 coordinates, velocities = self.state()
                 held = creep <= 1.0
                 last = Start(
-                    "creeping" if held else "sliding", coordinates, held / stage.softness * velocities, speed,
-                    float(acceleration),
+                    "creeping" if held else "sliding", coordinates, held / stage.softness * velocities,
+                    speed / stage.softness if held else speed, float(acceleration),
                 )  # fmt: skip
                 if not held:
                     break

@@ -11,11 +11,13 @@ from pathlib import Path
 
 import xarray as xr
 
+from exumob.support.declared import checked
 from exumob.support.files import atomic_write, read_netcdf, sealed
 
 logger = logging.getLogger(__name__)
 
 
+@checked
 def save_dataset(dataset: xr.Dataset, file: str | Path, *, elsewhere: bool = True) -> Path:
     """Write netCDF under a temporary name, then rename: a killed run leaves no half file.
 
@@ -59,6 +61,7 @@ def _write(dataset: xr.Dataset, path: Path) -> Path:
     return path
 
 
+@checked
 def load_dataset(file: str | Path) -> xr.Dataset:
     """Read a result written by `save_dataset`, or any other netCDF 4 file, into memory.
 

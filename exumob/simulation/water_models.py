@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from exumob.simulation.trust import coefficients_off, measured_vehicle, shape_differences
+from exumob.support.declared import checked
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
 from exumob.vehicle.parameters import Vehicle
@@ -32,6 +33,7 @@ NAMES = {
 """Names of the classes of models for people; a result keeps the name of the class."""
 
 
+@checked
 def hydrodynamics_named(
     name: str,
     vehicle: Vehicle,

@@ -200,7 +200,8 @@ def _kind_of(hint: Any, quantity: Quantity | None) -> _Kind:
             return _either([_array(own), _kind_of(type(None), None)]) if optional else _array(own)
         return _kind_of(inner[0], own)
     if origin in (typing.Union, types.UnionType):
-        return _either([_kind_of(part, quantity) for part in inner])
+        some = [part for part in inner if not (part is str and Path in inner)]  # a text is the name of a file
+        return _either([_kind_of(part, quantity) for part in some]) if len(some) > 1 else _kind_of(some[0], quantity)
     if hint is Any or hint is object or isinstance(hint, TypeVar):
         return _Kind(lambda value: True, lambda name, value: value, "anything")
     if hint is float:

@@ -31,7 +31,7 @@ class _FileError(ValueError):
 
 
 @checked
-def load_vehicle(file: Path) -> Vehicle:
+def load_vehicle(file: str | Path) -> Vehicle:
     """Load a vehicle file: a Python file with one function that takes no argument and returns a `Vehicle`.
 
     The file is run, with all that it imports; modules that lie beside it can be imported while it is loaded.
@@ -50,7 +50,7 @@ def load_vehicle(file: Path) -> Vehicle:
         If it is not a Python file, if it breaks while it runs (with file, line, kind and text of the error), or if it
         does not hold exactly one such function.
     """
-    path = file.expanduser()
+    path = Path(file).expanduser()
     if path.is_dir():
         raise ValueError(f"vehicle file {path} is a folder; give a file in it: {WHAT_IT_IS}.")
     if not path.is_file():

@@ -95,7 +95,6 @@ def changed(file, change):
         lambda head, arrays: "null",
         lambda head, arrays: "{",
     ],
-    ids=str,
 )
 def test_another_content_is_refused(file, change):
     changed(file, change)
