@@ -232,6 +232,12 @@ STEP = Quantity("s", at_least=SHORTEST, at_most=1e6)
 """Step of time"""
 INITIAL_SPEED = Quantity("m/s", at_least=-100.0, at_most=100.0, plausible=(-30.0, 30.0))
 """Speed of the vehicle at time 0, along its heading"""
+CELL_SIZE = Quantity("m", above=0.0, at_most=1e4, plausible=(1e-6, 1.0))
+"""Width of the flow solver's cells"""
+STEERING_ANGLE = Quantity("rad", at_least=-math.radians(80.0), at_most=math.radians(80.0))
+"""Angle of the front wheels, positive to the left"""
+WHEEL_SPEED = Quantity("rad/s", at_least=-1e4, at_most=1e4, plausible=(-500.0, 500.0))
+"""Spin of the wheels, positive forward"""
 
 
 def shown(value: object, length: int = 60) -> str:
