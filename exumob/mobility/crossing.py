@@ -78,6 +78,7 @@ def judge_crossing(run: xr.Dataset, limits: Limits) -> dict[str, float]:
     ValueError
         If the run is shorter than the window, or lacks what a verdict needs (`exumob.simulation.verdict.judge`).
     """
+    verdict = judge(run, limits.verdict)  # refuses what is no run
     end = float(run["time"][-1])
     if end < limits.window:
         raise ValueError(
@@ -89,7 +90,6 @@ def judge_crossing(run: xr.Dataset, limits: Limits) -> dict[str, float]:
     speed = float(hull[-1, 0] - hull[0, 0]) / span
     sideways = float(hull[-1, 1] - hull[0, 1]) / span
     drift = sideways / speed * limits.width if speed > 0.0 else math.copysign(math.inf, sideways)
-    verdict = judge(run, limits.verdict)
     failure, since = _befallen(verdict, end - limits.window)
     if failure == "none" and speed < limits.speed:
         failure = "too slow"
