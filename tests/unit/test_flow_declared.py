@@ -34,10 +34,8 @@ from exumob.flow.output.pictures import SurfaceView, animate_surface
 from exumob.flow.output.vtk import VtkSeries
 from exumob.flow.resolution import check_resolution
 from exumob.flow.vehicle_window import doubled_window, vehicle_window
-from exumob.support.errors import SimulationError
 from exumob.towing_tank import CaptiveMotion, captive_run, captive_summary
 from exumob.towing_tank.plots import plot_captive
-from exumob.vehicle.motion import BodyStates
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 
@@ -162,53 +160,3 @@ def test_what_is_right_is_taken_in_any_kind():
     poses = Poses(FIVE.tolist(), ONE.tolist(), FIVE, FIVE, range(5))
     assert poses.spin.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
     assert poses.position.flags.writeable
-
-
-class Answering:
-    """A flow code that gives what it is told to give."""
-
-    def __init__(self, wrenches, *reports):
-        self.wrenches, self.reports = wrenches, list(reports) or [{}]
-
-    def start(self, vehicle, water, poses, time):
-        pass
-
-    def advance(self, time, poses):
-        return self.wrenches
-
-    def save(self):
-        return {}
-
-    def restore(self, saved):
-        pass
-
-    def report(self):
-        return self.reports.pop(0) if len(self.reports) > 1 else self.reports[0]
-
-
-def states(time):
-    return BodyStates(
-        np.array([time]), FIVE[None], ONE[None], FIVE[None], FIVE[None], FIVE[None], FIVE[None], np.zeros((1, 4))
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("flow", "message"),
-    [
-        (Answering(np.zeros((5, 5))), r"Answering\.advance returned shape \(5, 5\) at 0\.0010 s"),
-        (Answering([[0.0] * 6] * 4 + [[0.0] * 5]), r"advance returned .* which is no array of numbers"),
-        (Answering("drag"), r"advance returned 'drag' at .* which is no array of numbers"),
-        (Answering(np.full((5, 6), 10**400, dtype=object)), r"advance returned .* no array of numbers"),
-        (Answering(np.full((5, 6), np.nan)), r"a load that is not finite at 0\.0010 s; look"),
-        (Answering(np.zeros((5, 6)), 3), r"Answering\.report returned 3 at .* numbers by name"),
-        (Answering(np.zeros((5, 6)), {"steps": "many"}), r"report: steps = 'many' at .* must be a number"),
-        (Answering(np.zeros((5, 6)), {"steps": 1}, {"iterations": 1}), r"names iterations at .* and steps before"),
-    ],
-)
-def test_answers_of_a_flow_code_are_checked(flow, message):
-    model = CfdHydrodynamics(flow)
-    model.start(VEHICLE, WATER, 1e-3)
-    model._poses = Poses.at_rest(FIVE)
-    with pytest.raises(SimulationError, match=message):
-        for _ in range(2):
-            model.wrenches(states(0.0), lambda: states(1e-3))
