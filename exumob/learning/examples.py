@@ -63,7 +63,8 @@ def training_runs(folder: str | Path) -> dict[str, xr.Dataset]:
     runs = {name: run for name, run in found.items() if name not in {scenario.name for scenario in UNSEEN}}
     if len(runs) < 2:
         raise ValueError(
-            f"training_runs: the folder {folder} holds {len(runs)} runs to learn from, and two at least are needed (one is for validation); "
+            f"training_runs: the folder {folder} holds {len(runs)} runs to learn from, and two at "
+            "least are needed (one is for validation); "
             "studies/generate_training_data.py makes them, exumob.learning.importing reads yours."
         )
     return runs
