@@ -155,6 +155,10 @@ def exported_names(app):
         )
 
 
+limits = {}
+"""Unit and limits of all declared fields; kept before autodoc changes the annotations of the classes."""
+
+
 def declared_classes():
     """All classes of the package whose fields are declared, by module."""
     for module in pkgutil.walk_packages(exumob.__path__, "exumob."):
@@ -182,6 +186,7 @@ def parameter_tables(app):
         lines += ["| field | unit | must be | plausible | default | meaning |", "|---|---|---|---|---|---|"]
         for field in declared_fields(owner):
             quantity = field.quantity
+            limits[f"{owner.__module__}.{owner.__qualname__}.{field.name}"] = limits_of(quantity)
             needed = field.default is dataclasses.MISSING
             value = f"{field.default:.6g}" if isinstance(field.default, float) else shown(field.default, 24)
             default = "needed" if needed else f"`{value}`" if field.default != "" else ""
@@ -202,15 +207,8 @@ def parameter_tables(app):
 
 def declared_limits(app, what, name, obj, options, lines):
     """Say unit and limits of a declared field below its text."""
-    owner, _, field = name.rpartition(".")
-    module, _, cls = owner.rpartition(".")
-    if what != "attribute" or not module.startswith("exumob."):
-        return
-    thing = getattr(sys.modules.get(module), cls, None)
-    if isinstance(thing, type) and issubclass(thing, Declared):
-        found = {f.name: f for f in declared_fields(thing)}.get(field)
-        if found is not None and found.quantity is not None:
-            lines += ["", f"[{limits_of(found.quantity)}]", ""]
+    if what == "attribute" and limits.get(name):
+        lines += ["", f"[{limits[name]}]", ""]
 
 
 def write_if_changed(name, text):

@@ -100,7 +100,7 @@ def trajectories(runs: Mapping[str, xr.Dataset]) -> Figure:
         for name, run in runs.items():
             style = {"color": COLORS[name], "label": name}
             plot_path(axes, run, every=2.0 if name in ("D60/U0", "D60/U1") else 0.0, **style)
-        axes.legend(fontsize="small")
+        figure.legend(loc="outside upper center", ncols=len(runs))
     return figure
 
 
@@ -118,7 +118,7 @@ def hull_loads(runs: Mapping[str, xr.Dataset]) -> Figure:
             axes.set(ylabel=f"${component}$ [{'N' if component[0] == 'F' else 'N m'}]")
         for axes in panels[1]:
             axes.set(xlabel="time [s]")
-        panels[0, 0].legend(fontsize="small")
+        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=len(runs))
     return figure
 
 

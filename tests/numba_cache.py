@@ -9,12 +9,21 @@ import ast
 import hashlib
 import json
 import os
+import stat
+import tempfile
 from pathlib import Path
 
 
 def prepare(cache, package):
     """Delete what is stale in the folder `cache` of the kernels of `package` (a folder), and let Numba use the rest."""
-    cache.mkdir(exist_ok=True)
+    cache.mkdir(exist_ok=True, mode=0o700)
+    place = cache.lstat()  # kernels are kept as pickles, which run what they hold
+    if (
+        not stat.S_ISDIR(place.st_mode)
+        or (hasattr(os, "getuid") and place.st_uid != os.getuid())
+        or place.st_mode & 0o022
+    ):
+        raise PermissionError(f"{cache} is a link, or others may write there: delete it")
     listed = cache / "digests.json"
     before = json.loads(listed.read_text()) if listed.exists() else {}
     now = {file.relative_to(package).as_posix(): digest for file, digest in digests(package).items()}
@@ -23,9 +32,10 @@ def prepare(cache, package):
             for kernel in cache.glob(f"*/{Path(name).stem}.*.nb[ic]"):  # also of a namesake in another folder: no harm
                 kernel.unlink(missing_ok=True)
     if now != before:
-        new = listed.with_suffix(f".{os.getpid()}")
-        new.write_text(json.dumps(now, indent=1))
-        new.replace(listed)
+        number, new = tempfile.mkstemp(dir=cache)
+        with open(number, "w") as stream:
+            json.dump(now, stream, indent=1)
+        os.replace(new, listed)
 
 
 def digests(package):

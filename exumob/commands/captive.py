@@ -38,6 +38,7 @@ from exumob.commands.shared import (
     whatever_was_computed,
     write_result,
 )
+from exumob.support.quantities import DEPTH, DIRECTION, STEERING_ANGLE, WHEEL_SPEED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,11 +61,11 @@ class Surface(StrEnum):
 
 def captive_command(  # one argument an option of the command line
     speed: Annotated[float, option(RUN, "Speed over ground, along the tank [m/s].")] = 1.0,
-    depth: Annotated[float, option(RUN, "Depth of the water [m].")] = 0.12,
+    depth: Annotated[float, option(RUN, "Depth of the water.", of=DEPTH)] = 0.12,
     current: Current = 1.0,
     vehicle: VehicleFile = None,
     current_direction: Annotated[
-        float, option(WATER, "Where the current flows to, counter-clockwise from the tank's axis [deg].")
+        float, option(WATER, "Where the current flows to, counter-clockwise from the tank's axis.", of=DIRECTION)
     ] = 180.0,
     output: Output = None,
     figure: Annotated[Path | None, option(RUN, "Draw loads and free surface here (.png, .pdf, .svg).")] = None,
@@ -75,8 +76,8 @@ def captive_command(  # one argument an option of the command line
         float, option(EXPERT, "Course less heading [deg]; positive: the water meets the left side.")
     ] = 0.0,
     yaw_rate: Annotated[float, option(EXPERT, "Turning of course and heading, to the left [deg/s].")] = 0.0,
-    steering: Annotated[float, option(EXPERT, "Angle of the front wheels, to the left [deg].")] = 0.0,
-    wheel_speed: Annotated[float, option(EXPERT, "Spin of the wheels [rad/s].")] = 0.0,
+    steering: Annotated[float, option(EXPERT, "Angle of the front wheels, to the left.", of=STEERING_ANGLE)] = 0.0,
+    wheel_speed: Annotated[float, option(EXPERT, "Spin of the wheels.", of=WHEEL_SPEED)] = 0.0,
     ramp_time: Annotated[
         float, option(EXPERT, "Time from drifting with the current to the prescribed motion [s].")
     ] = 1.0,
@@ -103,8 +104,8 @@ def captive_command(  # one argument an option of the command line
         from exumob.flow.output.vtk import VtkSeries
         from exumob.flow.settings import SurfaceTransport
         from exumob.flow.vehicle_window import vehicle_window
-        from exumob.support.quantities import DIRECTION, Unusual
-        from exumob.towing_tank.motion import STEERING_ANGLE, TURN, YAW_RATE, CaptiveMotion
+        from exumob.support.quantities import Unusual
+        from exumob.towing_tank.motion import TURN, YAW_RATE, CaptiveMotion
         from exumob.towing_tank.run import captive_run
         from exumob.water.conditions import Water
 

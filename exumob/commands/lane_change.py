@@ -45,6 +45,14 @@ from exumob.commands.shared import (
 )
 from exumob.coupling.scheme import Coupling
 from exumob.simulation.settings import DURATION, SETTINGS, SOIL
+from exumob.support.quantities import (
+    CURRENT_SPEED,
+    DEPTH_RATIO,
+    DIRECTION,
+    INITIAL_SPEED,
+    STEERING_ANGLE,
+    WHEEL_SPEED,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -73,8 +81,10 @@ class Scheme(StrEnum):
 
 
 def lane_change_command(  # one argument an option of the command line
-    depth_ratio: Annotated[float, option(RUN, "Water depth over tyre diameter [-]; 0 is dry ground.")] = 0.6,
-    current: Annotated[float, option(RUN, "Speed of the current [m/s], against the vehicle.")] = 1.0,
+    depth_ratio: Annotated[
+        float, option(RUN, "Water depth over tyre diameter; 0 is dry ground.", of=DEPTH_RATIO)
+    ] = 0.6,
+    current: Annotated[float, option(RUN, "Speed of the current, against the vehicle.", of=CURRENT_SPEED)] = 1.0,
     soil: SoilName = SOIL,
     vehicle: VehicleFile = None,
     current_direction: CurrentDirection = 180.0,
@@ -104,8 +114,13 @@ def lane_change_command(  # one argument an option of the command line
     resume: Annotated[
         bool, option(OUTPUT, "Go on from the checkpoint, if there is one, with the same bits.", "--resume")
     ] = False,
-    steering: Annotated[float, option(EXPERT, "Steering amplitude [deg]; a negative one mirrors the maneuver.")] = 30.0,
-    wheel_speed: Annotated[float, option(EXPERT, "Final wheel speed [rad/s].")] = 10.0,
+    steering: Annotated[
+        float, option(EXPERT, "Steering amplitude; a negative one mirrors the maneuver.", of=STEERING_ANGLE)
+    ] = 30.0,
+    wheel_speed: Annotated[float, option(EXPERT, "Final wheel speed.", of=WHEEL_SPEED)] = 10.0,
+    initial_speed: Annotated[
+        float, option(EXPERT, "Speed of the vehicle at time 0, ahead, its wheels rolling.", of=INITIAL_SPEED)
+    ] = 0.0,
     duration: Duration = DURATION,
     setting: SettingOption = SettingName.fast,
     micro_step: MicroStep = None,
@@ -125,12 +140,12 @@ def lane_change_command(  # one argument an option of the command line
     With the flow solver in the loop: exumob lane-change --hydrodynamics cfd --cell-size 0.018 --coarse --checkpoint
     run.npz --output run.nc; when it was stopped, the same with --resume.
     """
-    from exumob.driving.maneuver import STEERING_ANGLE, lane_change
+    from exumob.driving.maneuver import lane_change
     from exumob.ground.soil import Soil
     from exumob.simulation.ensemble import add_members
     from exumob.simulation.run import simulate
     from exumob.simulation.water_models import hydrodynamics_named
-    from exumob.support.quantities import DIRECTION, Unusual
+    from exumob.support.quantities import Unusual
     from exumob.surrogates.model import SurrogateHydrodynamics
     from exumob.water.conditions import Water
 
@@ -146,6 +161,7 @@ def lane_change_command(  # one argument an option of the command line
         car = vehicle_of(vehicle)
         if unusual:
             depth_ratio, current, wheel_speed, cell_size = map(Unusual, (depth_ratio, current, wheel_speed, cell_size))
+            initial_speed = Unusual(initial_speed)
         water = None
         if depth_ratio != 0.0:
             direction = radians("--current-direction", current_direction, DIRECTION, unusual)
@@ -171,7 +187,8 @@ def lane_change_command(  # one argument an option of the command line
     except (ValueError, OSError, ImportError) as error:
         fail(error)
     steps: dict[str, Any] = {
-        "duration": duration, "setting": setting.value, "micro_step": micro_step, "macro_step": macro_step
+        "duration": duration, "setting": setting.value, "micro_step": micro_step, "macro_step": macro_step,
+        "initial_speed": initial_speed,
     }  # fmt: skip
 
     def run(advance: Callable[[float], None]) -> xr.Dataset:

@@ -54,14 +54,15 @@ def map_command(  # one argument an option of the command line
     """Map where the vehicle can cross, with the chance that it does, over depth, current and soil.
 
     The vehicle drives straight ahead for 4 s and is judged over the last 1.5 s: speed, drift, footing, attitude. Nodes
-    outside the networks' training range are hatched. What is done is kept, and the same command goes on.
+    outside the networks' training range are hatched. What is done is kept, and the same command goes on. Exit code: 1
+    if runs broke down, were out of time or killed, 2 if nothing could run.
 
     Example: exumob map --depth 0.4:0.6 --current 0:1 --draws 10 --levels 1 --figure map.png
     """
     from dataclasses import replace
 
     from exumob.mobility.crossing import Crossing, Limits
-    from exumob.mobility.map import SCATTER, Axis, MobilityMap, compute_map
+    from exumob.mobility.map import SCATTER, Axis, MobilityMap, compute_map, table, verdict_lines
     from exumob.sweeps.experiment import amphibious_crossing
     from exumob.sweeps.run import Progress
     from exumob.vehicle.vehicle_file import load_vehicle
@@ -91,18 +92,12 @@ def map_command(  # one argument an option of the command line
     except KeyboardInterrupt:
         errors.print(f"Stopped; the same command goes on with {output}.", soft_wrap=True)
         raise typer.Exit(130) from None
-    for panel in result["panel"].values:
-        at = result.sel(panel=panel)
-        known = at["out_of_range"] <= wanted.crossing.limits.range_share
-        go = (at["probability"] >= 0.5) & known
-        console.print(
-            f"{panel}: go at {int(go.sum())}, no go at {int((known & ~go).sum())}, outside the training range at "
-            f"{int((~known).sum())} of {go.size} nodes",
-            soft_wrap=True,
-        )
+    for text in verdict_lines(result):
+        console.print(text, soft_wrap=True)
+    console.print(f"trust     {result.attrs['trust']}", soft_wrap=True)
     console.print(f"result    {output / 'map.nc'}", soft_wrap=True)
     if csv is not None:
-        result.to_dataframe().to_csv(csv)
+        table(result).to_csv(csv, index=False)
         console.print(f"table     {csv}", soft_wrap=True)
     if figure is not None:
         import matplotlib
@@ -112,6 +107,13 @@ def map_command(  # one argument an option of the command line
         from exumob.support.figures import save_figure
 
         console.print(f"figure    {save_figure(plot_map(result), figure)}", soft_wrap=True)
+    lost = {name: int(result.attrs[f"runs_{name.replace(' ', '_')}"]) for name in ("broke down", "lost")}
+    if any(lost.values()):
+        errors.print(
+            f"{lost['broke down']} of {result.attrs['runs_made']} runs broke down, {lost['lost']} were out of time or "
+            f"killed (in the folders of {output}: column `reason` of sweep.nc).", style="yellow", soft_wrap=True,
+        )  # fmt: skip
+        raise typer.Exit(1)
 
 
 def _span(option: str, text: str) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from exumob.support.quantities import Quantity, Unusual
+from exumob.support.quantities import CELL_SIZE, CURRENT_SPEED, DIRECTION, DURATION, STEP, Quantity, Unusual
 
 RUN = "Run"
 WATER = "Water"
@@ -40,9 +40,27 @@ class PanelCommand(TyperCommand):
                     formatter.write_dl(rows)
 
 
-def option(panel: str, text: str, *flags: str) -> Any:
-    """Declare an option of a panel, with its help text and its flags where they are not made from its name."""
-    return typer.Option(*flags, help=text, rich_help_panel=panel)
+def option(panel: str, text: str, *flags: str, of: Quantity | None = None) -> Any:
+    """Declare an option of a panel.
+
+    Parameters
+    ----------
+    panel, text : str
+        Where it stands in the help, and what that says.
+    flags : str
+        Its flags, where they are not made from its name.
+    of : Quantity, optional
+        What it gives; the help says its unit and its limits, angles in degrees.
+    """
+    return typer.Option(*flags, help=text if of is None else f"{text} [{_limits(of)}]", rich_help_panel=panel)
+
+
+def _limits(quantity: Quantity) -> str:
+    """Unit and range of a quantity as it is given at the command line."""
+    size = 180.0 / math.pi if quantity.unit == "rad" else 1.0
+    unit = "deg" if quantity.unit == "rad" else "-" if quantity.unit == "1" else quantity.unit
+    low, high = quantity.plausible or (quantity.at_least, quantity.at_most)
+    return f"{unit}, {size * low:g} to {size * high:g}" if math.isfinite(low) and high < 1e5 else unit
 
 
 class SettingName(StrEnum):
@@ -56,11 +74,15 @@ VehicleFile = Annotated[
     Path | None, option(RUN, "Vehicle file (Python). Default: the paper's 57 kg amphibious vehicle.")
 ]  # fmt: skip
 SoilName = Annotated[str, option(RUN, "A published soil by its name; `exumob soils` lists them.")]
-Duration = Annotated[float, option(EXPERT, "Simulated time [s].")]
-Current = Annotated[float, option(RUN, "Speed of the current [m/s].")]
+Duration = Annotated[float, option(EXPERT, "Simulated time.", of=DURATION)]
+Current = Annotated[float, option(RUN, "Speed of the current.", of=CURRENT_SPEED)]
 CurrentDirection = Annotated[
     float,
-    option(WATER, "Where the current flows to, counter-clockwise from the first heading [deg]; 180: a head current."),
+    option(
+        WATER,
+        "Where the current flows to, counter-clockwise from the first heading; 180: a head current.",
+        of=DIRECTION,
+    ),
 ]
 Output = Annotated[Path | None, option(RUN, "Write the result here (netCDF).")]
 Figure = Annotated[Path | None, option(RUN, "Draw the result here (.png, .pdf, .svg).")]
@@ -69,11 +91,11 @@ SettingOption = Annotated[
     SettingName,
     option(EXPERT, "Steps by name. fast ends within 0.5 % of fine, which takes three to five times as long."),
 ]
-MicroStep = Annotated[float | None, option(EXPERT, "Step of the multibody solver [s]. Default: by the setting.")]
+MicroStep = Annotated[float | None, option(EXPERT, "Step of the multibody solver. Default: by the setting.", of=STEP)]
 MacroStep = Annotated[
-    float | None, option(EXPERT, "Interval at which the water's loads are renewed [s]. Default: by the setting.")
+    float | None, option(EXPERT, "Interval at which the water's loads are renewed. Default: by the setting.", of=STEP)
 ]
-CellSize = Annotated[float, option(EXPERT, "Width of the flow solver's cells round the vehicle [m].")]
+CellSize = Annotated[float, option(EXPERT, "Width of the flow solver's cells round the vehicle.", of=CELL_SIZE)]
 Coarse = Annotated[
     bool, option(EXPERT, "Accept cells too coarse for gaps and wheels: a quick look.", "--coarse")
 ]  # fmt: skip
@@ -113,6 +135,7 @@ OPTION_NAMES = {
     "micro_step": "--micro-step",
     "simulate.macro_step": "--macro-step",
     "macro_step": "--macro-step",
+    "simulate.initial_speed": "--initial-speed",
     "simulate.checkpoint": "--checkpoint",
     "without checkpoint": "without --checkpoint",
     "simulate.resume": "--resume",

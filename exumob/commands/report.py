@@ -33,6 +33,7 @@ def report_run(result: xr.Dataset, targets: dict[str, Path | None], setting: str
     from exumob.simulation.summary import summary
 
     _print_verdict(result)
+    _print_trust(result)
     if result.sizes["time"] > 1:
         _print_summary(result, summary(result), setting)
     animate: Callable[[xr.Dataset, Path], None] = animate_run
@@ -47,6 +48,12 @@ def _print_verdict(result: xr.Dataset) -> None:
     verdict = verdict_of(result)
     if verdict is not None:
         console.print(f"{'verdict':<21} {verdict.sentence}", style=COLOURS.get(verdict.kind, "red"), soft_wrap=True)
+
+
+def _print_trust(result: xr.Dataset) -> None:
+    if "trust" in result.attrs:
+        style = None if result.attrs["trust_status"] == "measured" else "yellow"
+        console.print(f"{'trust':<21} {result.attrs['trust']}", style=style, soft_wrap=True)
 
 
 def _print_summary(result: xr.Dataset, figures: dict[str, Any], setting: str) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import importlib
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, Protocol
 
 import typer
 from rich.progress import BarColumn, Progress, TaskID, TimeRemainingColumn
@@ -26,11 +27,82 @@ WRITTEN = (".nc", ".png", ".pdf", ".svg", ".gif", ".mp4", ".csv", ".md", ".onnx"
 errors = PlainConsole(stderr=True)
 
 
+class Bar(Protocol):
+    """What shows progress: a bar of rich, or `ProgressLines`."""
+
+    def update(
+        self, task_id: TaskID, *, completed: float | None = None, advance: float | None = None,
+        total: float | None = None, description: str | None = None,
+    ) -> None:  # fmt: skip
+        """Take how far it is."""
+
+
+class ProgressLines:
+    """Progress where no terminal is: a line at the first word of it, and one whenever another tenth is done.
+
+    Parameters
+    ----------
+    description : str
+    total : float
+    amount : callable
+        Takes what is completed and the total, returns both as text.
+    """
+
+    def __init__(self, description: str, total: float, amount: Callable[[float, float], str]) -> None:
+        """Say nothing yet: bad input may still be found."""
+        self.description, self.total, self.amount = description, total, amount
+        self.completed = 0.0
+        self._tenths = -1
+        self._began: tuple[float, float] | None = None
+
+    def update(
+        self, task_id: TaskID, *, completed: float | None = None, advance: float | None = None,
+        total: float | None = None, description: str | None = None,
+    ) -> None:  # fmt: skip
+        """Take how far it is, and say a line if another tenth is done."""
+        self.description = self.description if description is None else description
+        if total is not None and total != self.total:
+            self.total, self.completed, self._tenths, self._began = total, 0.0, -1, None
+        self.completed = (self.completed if completed is None else completed) + (advance or 0.0)
+        if self._began is None:
+            self._began = self.completed, time.monotonic()
+        self._say()
+
+    def _say(self) -> None:
+        share = min(max(self.completed / self.total, 0.0), 1.0) if self.total > 0.0 else 1.0
+        tenths = int(10.0 * share + 1e-9)
+        if tenths <= self._tenths:
+            return
+        self._tenths = tenths
+        text = f"{self.description}: {10 * tenths} % ({self.amount(self.completed, self.total)})"
+        if self._began is not None and self._began[0] < self.completed < self.total:
+            rate = (time.monotonic() - self._began[1]) / (self.completed - self._began[0])
+            text += f", about {_clock(rate * (self.total - self.completed))} left"
+        errors.print(text, soft_wrap=True)
+
+
+def _clock(seconds: float) -> str:
+    whole = round(seconds)
+    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+
+
+def _on_terminal() -> bool:
+    return bool(errors.file.isatty())
+
+
 @contextmanager
 def simulated_time_bar(
     duration: float, before: str = "preparing", during: str = "towing", lead: float = 0.0
 ) -> Iterator[Callable[[float], None]]:
     """Bar with the time remaining; yields what takes the simulated time reached [s], from -lead on."""
+
+    def name(time: float) -> str:
+        return during if time > 0.0 else "spin-up of the water"
+
+    if not _on_terminal():
+        lines = ProgressLines(before, duration + lead, lambda done, _: f"{done - lead:.2f} of {duration:g} s")
+        yield lambda time: lines.update(TaskID(0), completed=time + lead, description=name(time))
+        return
     with Progress(
         PlainColumn("{task.description}"), BarColumn(), PlainColumn("{task.fields[now]:.2f} of {task.fields[end]:g} s"),
         TimeRemainingColumn(), console=errors, transient=True,
@@ -38,16 +110,17 @@ def simulated_time_bar(
         task = bar.add_task(before, total=duration + lead, now=0.0 - lead, end=duration)
 
         def reached(time: float) -> None:
-            bar.update(
-                task, completed=time + lead, now=time, description=during if time > 0.0 else "spin-up of the water"
-            )  # fmt: skip
+            bar.update(task, completed=time + lead, now=time, description=name(time))
 
         yield reached
 
 
 @contextmanager
-def counting_bar(description: str, total: int, unit: str) -> Iterator[tuple[Progress, TaskID]]:
-    """Bar that counts what is finished, with the time remaining."""
+def counting_bar(description: str, total: int, unit: str) -> Iterator[tuple[Bar, TaskID]]:
+    """Bar that counts what is finished, with the time remaining; lines where no terminal is."""
+    if not _on_terminal():
+        yield ProgressLines(description, total, lambda done, of: f"{done:g} of {of:g} {unit}"), TaskID(0)
+        return
     with Progress(
         PlainColumn("{task.description}"), BarColumn(), PlainColumn(f"{{task.completed}} of {{task.total}} {unit}"),
         TimeRemainingColumn(), console=errors, transient=True,
@@ -92,7 +165,10 @@ def vehicle_of(file: Path | None) -> Vehicle:
 
 def fail(error: Exception) -> NoReturn:
     """Say the error and leave with exit code 2."""
-    errors.print(str(error), style="red", soft_wrap=True)
+    text = str(error)
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:  # of the system, not ours
+        text = f"{error.filename} cannot be read or written ({error.strerror}); give another place."
+    errors.print(text, style="red", soft_wrap=True)
     raise typer.Exit(2)
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -14,11 +16,15 @@ from exumob.commands.options import (
     Seed,
     SettingName,
     SettingOption,
+    UnusualValues,
     VehicleFile,
     Workers,
     option,
 )
 from exumob.commands.shared import console, counting_bar, errors, fail
+
+CAUSES = 3
+"""Number of causes of failure that are printed."""
 
 
 def sweep_command(  # one argument an option of the command line
@@ -44,6 +50,7 @@ def sweep_command(  # one argument an option of the command line
     again: Annotated[
         list[str] | None, option(EXPERT, "Run cases of this status again, such as 'killed'; repeatable.")
     ] = None,
+    unusual: UnusualValues = False,
     mpi: Annotated[
         bool, option(EXPERT, "Use the ranks of mpiexec -n 4 python -m mpi4py.futures -m exumob sweep ...", "--mpi")
     ] = False,
@@ -51,43 +58,69 @@ def sweep_command(  # one argument an option of the command line
     """Run the lane change for many values of vehicle, soil, water, maneuver and water model.
 
     Cases that fail become rows with a reason; finished ones are kept, and the same command goes on where it was
-    stopped.
+    stopped. Exit code: 0 if all cases were completed, 1 if some were not, 2 if none could be run.
 
     Example: exumob sweep --vary water.current_speed=0,0.5,1 --vary "soil.cohesion~normal(1300,200)" --samples 32
     """
-    from exumob.sweeps.run import Progress, sweep
+    from exumob.sweeps.run import Progress, need, sweep
     from exumob.sweeps.study import from_options, read_study
 
+    kept: list[int] = []
     try:
-        if study is not None and (vary or fixed or vehicle or setting is not SettingName.fast):
-            raise ValueError("give a study file, or --vary, --set, --setting and --vehicle; not both.")
+        if study is not None and (vary or fixed or vehicle or unusual or setting is not SettingName.fast):
+            raise ValueError("give a study file, or --vary, --set, --setting, --unusual and --vehicle; not both.")
         if study is not None:
             experiment, cases = read_study(study)
         else:
             experiment, cases = from_options(
-                vehicle, [f"setting={setting.value}", *(fixed or [])], vary or [], samples, seed
+                vehicle, [f"setting={setting.value}", *(fixed or [])], vary or [], samples, seed, unusual
             )
         with counting_bar("sweep", len(cases), "cases") as (bar, task):
 
             def progress(reached: Progress) -> None:
+                if not kept:  # all is checked
+                    kept.append(reached.kept)
+                    errors.print(f"sweep of {need(experiment, cases, workers, keep_runs)}", soft_wrap=True)
                 bar.update(task, completed=reached.done)
 
             result = sweep(
                 experiment, cases, output, workers=workers, time_limit=time_limit, keep_runs=keep_runs,
-                again=again or [], mpi=mpi, progress=progress,
+                again=tuple(again or ()), mpi=mpi, progress=progress,
             )  # fmt: skip
     except (ValueError, RuntimeError, OSError) as error:
         fail(error)
     except KeyboardInterrupt:
         errors.print(f"Stopped; the same command goes on with {output}.", soft_wrap=True)
         raise typer.Exit(130) from None
-    status = result["status"].values
-    for name in sorted(set(status)):
-        console.print(f"{name:<12} {int((status == name).sum())} of {len(status)} cases", soft_wrap=True)
-    for row in range(len(status)):
-        if status[row] != "completed":
-            example = ", ".join(f"{name} = {value}" for name, value in cases[row].items())
-            reason = str(result["reason"].values[row])
-            console.print(f"the first that was not completed: {example}: {reason}", soft_wrap=True)
-            break
-    console.print(f"result       {output / 'sweep.nc'}", soft_wrap=True)
+    status = [str(one) for one in result["status"].values]
+    console.print(f"{'cases':<12} {len(status)}: {kept[0]} kept, {len(status) - kept[0]} run", soft_wrap=True)
+    for name, number in Counter(status).most_common():
+        console.print(f"{name:<12} {number} of {len(status)} cases", soft_wrap=True)
+    if "verdict" in result:
+        for name, number in Counter(str(one) for one in result["verdict"].values if str(one)).most_common():
+            console.print(f"{'verdict':<12} {name}: {number}", soft_wrap=True)
+    _print_causes(status, [str(reason) for reason in result["reason"].values], cases)
+    console.print(f"{'result':<12} {output / 'sweep.nc'}", soft_wrap=True)
+    if code := exit_code(status):
+        raise typer.Exit(code)
+
+
+def exit_code(status: Sequence[str]) -> int:
+    """Exit code of a sweep: 0 if all cases were completed, 2 if none could be run, 1 otherwise."""
+    if set(status) == {"completed"}:
+        return 0
+    return 2 if set(status) <= {"refused", "failed"} else 1
+
+
+def _print_causes(status: Sequence[str], reasons: Sequence[str], cases: Sequence[dict[str, Any]]) -> None:
+    """Print why cases were not completed, with the first case of each cause."""
+    causes: dict[tuple[str, str], list[int]] = {}
+    for number, (how, reason) in enumerate(zip(status, reasons, strict=True)):
+        if how != "completed":
+            causes.setdefault((how, reason), []).append(number)
+    for (how, reason), numbers in list(causes.items())[:CAUSES]:
+        example = ", ".join(f"{name} = {value}" for name, value in cases[numbers[0]].items())
+        also = f" and {len(numbers) - 1} more" if len(numbers) > 1 else ""
+        errors.print(f"{how}: case {numbers[0]} ({example}){also}: {reason}", style="yellow", soft_wrap=True)
+    if len(causes) > CAUSES:
+        errors.print(f"and {len(causes) - CAUSES} more causes, in the column `reason` of the result", style="yellow")

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, make_interp_spline
 
 from exumob.support.declared import Declared, checked
-from exumob.support.quantities import Quantity
+from exumob.support.quantities import STEERING_ANGLE, WHEEL_SPEED, Quantity
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Motion, Vehicle
 
@@ -25,10 +25,6 @@ logger = logging.getLogger(__name__)
 
 SHORTEST = 1e-3
 """Shortest time of a ramp or of a steering period [s]: what is faster is a blow, not a maneuver."""
-STEERING_ANGLE = Quantity("rad", at_least=-math.radians(80.0), at_most=math.radians(80.0))
-"""Angle of the front wheels, positive to the left"""
-WHEEL_SPEED = Quantity("rad/s", at_least=-1e4, at_most=1e4, plausible=(-500.0, 500.0))
-"""Spin of the wheels, positive forward"""
 RAMP_TIME = Quantity("s", at_least=SHORTEST, at_most=1e6)
 """Time of a ramp"""
 

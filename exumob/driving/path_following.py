@@ -19,10 +19,10 @@ from typing import Annotated, Any
 import numpy as np
 import xarray as xr
 
-from exumob.driving.maneuver import RAMP_TIME, WHEEL_SPEED, ramp, smooth_step
+from exumob.driving.maneuver import RAMP_TIME, ramp, smooth_step
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared, checked
-from exumob.support.quantities import Quantity
+from exumob.support.quantities import WHEEL_SPEED, Quantity
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Motion, Vehicle
 

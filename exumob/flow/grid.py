@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from exumob.support.arrays import Array, checked_array
 from exumob.support.cost import memory_limit, spelled_size
 from exumob.support.declared import checked
-from exumob.support.quantities import Quantity
+from exumob.support.quantities import CELL_SIZE, Quantity
 from exumob.vehicle.parameters import Vehicle
 
 HALO = 2
@@ -30,8 +30,6 @@ LEAST_CELLS = 4
 """Cells along an axis."""
 MOST_CELLS = 2**31 - 1
 """Cells of a grid; far beyond any memory."""
-CELL_SIZE = Quantity("m", above=0.0, at_most=1e4, plausible=(1e-6, 1.0))
-"""Width of the flow solver's cells"""
 LENGTH = Quantity("m", at_least=-1e5, at_most=1e5)
 """Place of a face or a corner"""
 REACH = Quantity("m", above=0.0, at_most=1e5)

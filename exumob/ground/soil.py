@@ -11,7 +11,7 @@ import numpy as np
 
 from exumob.ground.published_soils import SOIL_CLASSES, WONG_TABLE
 from exumob.support.declared import Declared, checked
-from exumob.support.quantities import Quantity
+from exumob.support.quantities import Quantity, shown
 
 SOIL_RECORD = np.dtype(
     [
@@ -154,7 +154,7 @@ class Soil(Declared):
         near = [lowered[key] for key in difflib.get_close_matches(wanted, lowered, n=5, cutoff=0.4)]
         near += [entry for key, entry in lowered.items() if wanted and wanted in key and entry not in near]
         raise ValueError(
-            f"Soil.published: no soil is called {name!r}; "
+            f"Soil.published: no soil is called {shown(name)}; "
             + (
                 f"did you mean {', '.join(map(repr, near))}?"
                 if near

@@ -6,11 +6,11 @@ Between its points the field is a bicubic Hermite surface, continuous with its s
 of 16 control points: the heights f at the corners and, next to a corner, f + s a, f + t b and f + s a + t b + s t c,
 where s, t = +1 or -1 point into the cell, a and b are a third of the rise to the next point as the slopes along x and
 y give it, and c is a ninth of the twist. The surface lies within the range of its control points. They lie within the
-range of the cell's four corners, because
-- a is 0 at a local extremum along x, and at most half of the smaller rise to a neighbour elsewhere (Fritsch & Carlson,
-  SIAM J. Numer. Anal. 17 (1980) 238, bound a monotone cubic so, and less strictly); b likewise along y. Then f + s a
-  and f + t b lie between corners, and so does f + s a + t b, the mean of f + 2 s a and f + 2 t b;
-- c is cut to what the corners of all cells at the point allow; 0 always is.
+range of the cell's four corners: a is 0 at a local extremum along x, and at most half of the smaller rise to a
+neighbour elsewhere (Fritsch & Carlson, SIAM J. Numer. Anal. 17 (1980) 238, bound a monotone cubic so, and less
+strictly); b likewise along y. Then f + s a and f + t b lie between corners, and so does f + s a + t b, the mean of
+f + 2 s a and f + 2 t b. And c is cut to what the corners of all cells at the point allow; 0 always is.
+
 So nothing rises above or falls below the heights given, and along the lines of the grid the surface is monotone from
 point to point. Where no bound is felt the slopes are central differences and the surface is the Catmull-Rom spline, of
 third order; at crests and hollows the bounds leave second order.

@@ -24,5 +24,8 @@ def plot_learning_curves(networks: Sequence[NetworkSet]) -> Figure:
             axes.semilogy(epochs, validation, lw=1.3, color=f"C{n}", marker=marker, label=network.about["held_back"])
         axes.set(title=name.replace("_", " "), xlabel="epoch")
     rows[0].set_ylabel("mean square error, scaled loads [-]")
-    rows[-1].legend(title="validation", fontsize="x-small", title_fontsize="x-small")
+    figure.legend(
+        *rows[0].get_legend_handles_labels(), title="held back for\nvalidation (solid)", loc="outside right center",
+        fontsize="small", title_fontsize="small",
+    )  # fmt: skip
     return figure

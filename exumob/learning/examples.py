@@ -18,6 +18,7 @@ from scipy.optimize import nnls
 from exumob.learning.dataset import base_loads, body_states, load_runs, usable, water_of, windows
 from exumob.learning.presets import Preset
 from exumob.paper.scenarios import UNSEEN
+from exumob.support.declared import checked
 from exumob.surrogates.inputs import MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
 from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, Single
 from exumob.vehicle.parameters import Vehicle
@@ -47,6 +48,7 @@ class Examples:
         return x, np.concatenate([self.loads[run][rows] for run, rows in chosen])
 
 
+@checked
 def training_runs(folder: str | Path) -> dict[str, xr.Dataset]:
     """Runs of a folder by name, without those kept for the final evaluation (`exumob.paper.scenarios.UNSEEN`).
 
@@ -61,7 +63,8 @@ def training_runs(folder: str | Path) -> dict[str, xr.Dataset]:
     runs = {name: run for name, run in found.items() if name not in {scenario.name for scenario in UNSEEN}}
     if len(runs) < 2:
         raise ValueError(
-            f"{folder}: holds {len(runs)} runs to learn from, and two at least are needed (one is for validation); "
+            f"training_runs: the folder {folder} holds {len(runs)} runs to learn from, and two at "
+            "least are needed (one is for validation); "
             "studies/generate_training_data.py makes them, exumob.learning.importing reads yours."
         )
     return runs

@@ -13,27 +13,28 @@ checked. Loads act on the body about its origin: the hull's centre of mass, the 
 
 from __future__ import annotations
 
-import csv
 import math
 import re
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from exumob.learning.dataset import SAMPLING, check_loads
+from exumob.learning.dataset import DOUBLE, SAMPLING, check_loads, check_motion
 from exumob.simulation.results import VARIABLES
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
 from exumob.support.dimensions import with_described_names
+from exumob.support.files import read_netcdf
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity
 from exumob.support.smoothing import smoothed
+from exumob.support.tables import read_table
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.water.conditions import Water
 from exumob.water.flow_states import FLOW_STATES, flow_states
@@ -57,12 +58,8 @@ UNITS = {
     "none": {"": 1.0, "1": 1.0, "-": 1.0},
 }
 """Known units of each kind, with their factors to SI."""
-SIZES = 0.05, 50.0
-"""Distances of the wheels, from corner to corner, that vehicles have [m]; chosen by us."""
-FASTEST = 100.0
-"""Highest speed of a vehicle in water [m/s]; chosen by us."""
-FINEST_PLACE = 1e-5
-"""Coarsest step of the numbers that hold positions [m]; the motion of a millisecond is a millimetre."""
+LARGEST_LOAD = 10.0
+"""Largest force of the water over density (g L + v^2) L^2, L the distance of the wheels [-]; chosen by us."""
 COARSEST = 0.01
 """Longest interval between samples that still resolves the water's loads [s]."""
 SPEED_TOLERANCE = 0.05
@@ -71,7 +68,7 @@ SPEED_TOLERANCE = 0.05
 
 @checked
 def import_histories(
-    file: str | Path,
+    file: Path,
     water: Water,
     *,
     names: Mapping[str, str] | None = None,
@@ -110,10 +107,11 @@ def import_histories(
     Raises
     ------
     ValueError
-        If columns are missing, units unknown or not given, samples uneven, too far apart or not finite, or if motion
-        and loads contradict the axes given for them.
+        If columns are missing, units unknown or not given, samples uneven, too far apart or not finite, if motion
+        and loads contradict the axes given for them, if nothing moves, or if the loads are far beyond what the water
+        can exert.
     """
-    path = Path(file)
+    path = file
     columns = _Columns(path, dict(names or {}), dict(units or {}))
     time = columns.of("time")
     _check_time(time, path)
@@ -132,25 +130,16 @@ def import_histories(
         given = None if given is None else given * flip
     if load_axes == "world":
         loads = np.einsum("nbij,nbki->nbkj", rotation, loads.reshape(-1, 5, 2, 3)).reshape(-1, 5, 6)
+    check_motion(time, position, str(path))
     _check_places(position, rotation, path)
 
     states = _resampled(time - time[0], position, rotation)
     if given is not None:
         _check_speeds(time - time[0], given, states, path)
     wrench = np.stack([_line(time - time[0], loads[:, b], states.time) for b in range(5)], axis=1)
-    _check_motion(states, path)
     check_loads(states, wrench, water, str(path))
     _check_lift(states, wrench, path)
     return _dataset(states, wrench, water, path, scenario or path.stem)
-
-
-class _Column(NamedTuple):
-    """A column of a file as it stands there."""
-
-    values: Array
-    unit: str | None
-    step: float
-    """Smallest difference that its kind of number holds; 0 if it does not matter"""
 
 
 class _Columns:
@@ -175,7 +164,7 @@ class _Columns:
                 f"{self.path} has no column {column!r} for {name}; it has {', '.join(list(self.values)[:12])} ... "
                 "Map other names with names={...}."
             )
-        values, unit, step = self.values[column]
+        values, unit = self.values[column]
         quantity = name.rsplit("_", 1)[-1]
         kind = next(kind for kind, members in KINDS.items() if quantity in members)
         unit = self.units.get(kind) if unit is None else unit
@@ -189,63 +178,24 @@ class _Columns:
         if not np.isfinite(values).all():
             bad = int(np.flatnonzero(~np.isfinite(values))[0])
             raise ValueError(f"{self.path}: column {column!r} is not a number in row {bad}; fill or cut the gap.")
-        factor = UNITS[kind][unit or ""]
-        if kind == "length" and step * factor > FINEST_PLACE:
-            raise ValueError(
-                f"{self.path}: column {column!r} holds places in steps of {1e3 * step * factor:.2g} mm, too coarse for "
-                "speeds; write double precision, or count from a place near the vehicle."
-            )
-        return values * factor
+        return values * UNITS[kind][unit or ""]
 
 
-def _read_csv(path: Path) -> dict[str, _Column]:
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            headers = next(csv.reader(stream, skipinitialspace=True), [])
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of an empty file, which is refused below
-                rows = np.genfromtxt(stream, delimiter=",", ndmin=2)
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path} is not UTF-8 ({error.reason} at byte {error.start}); save it as CSV UTF-8.") from None
-    except (ValueError, csv.Error) as error:
-        text = "; ".join(line.strip() for line in str(error).splitlines()[:3])
-        raise ValueError(
-            f"{path} is no table ({text}); write one row of names, then rows of as many numbers."
-        ) from None
-    if rows.size == 0 or rows.shape[1] != len(headers):
-        columns = rows.shape[1] if rows.size else 0
-        raise ValueError(f"{path}: {len(headers)} names head {columns} columns; separate them by commas.")
-    found: dict[str, _Column] = {}
-    for header, values in zip(headers, rows.T, strict=True):
+def _read_csv(path: Path) -> dict[str, tuple[Array, str | None]]:
+    found: dict[str, tuple[Array, str | None]] = {}
+    for header, values in read_table(path).items():
         match = re.fullmatch(r"(.*?)\s*\[(.*)\]\s*", header)
         name, unit = (match[1], match[2].strip()) if match else (header.strip(), None)
-        if name in found:
-            raise ValueError(f"{path}: two columns are called {name!r}; rename or drop one.")
-        found[name] = _Column(values, unit, 0.0)
+        found[name] = (values, unit)
     return found
 
 
-def _read_netcdf(path: Path) -> dict[str, _Column]:
-    try:
-        with xr.open_dataset(path, decode_times=False) as data:
-            found = {}
-            for name, variable in data.variables.items():
-                if variable.ndim != 1 or variable.dtype.kind not in "fiu":
-                    continue
-                largest = np.abs(variable.values).max(initial=0)
-                step = float(np.spacing(largest)) if variable.dtype.kind == "f" and np.isfinite(largest) else 0.0
-                unit = variable.attrs.get("units")
-                values = np.asarray(variable.values, float)
-                found[str(name)] = _Column(values, None if unit is None else str(unit), step)
-            return found
-    except MemoryError:
-        raise
-    except Exception as error:  # each library raises its own
-        text = " ".join(str(error).split())[:200]
-        raise ValueError(
-            f"{path} cannot be read as netCDF ({type(error).__name__}: {text}): it is damaged, cut off, or of another "
-            "kind; give netCDF, or a table whose name ends in .csv."
-        ) from None
+def _read_netcdf(path: Path) -> dict[str, tuple[Array, str | None]]:
+    return {
+        str(name): (np.asarray(v.values, float), v.attrs.get("units"))
+        for name, v in read_netcdf(path, decode_times=False).variables.items()
+        if v.ndim == 1 and v.dtype.kind in "fiu"
+    }
 
 
 def _stack(columns: _Columns, quantities: tuple[str, ...]) -> Array:
@@ -276,12 +226,6 @@ def _check_time(time: Array, path: Path) -> None:
 
 def _check_places(position: Array, rotation: Array, path: Path) -> None:
     """Raise ValueError unless the wheels stay at the four corners of the hull, seen from it."""
-    size = float(np.linalg.norm(np.ptp(position[0, 1:], axis=0)))
-    if not SIZES[0] <= size <= SIZES[1]:
-        raise ValueError(
-            f"{path}: the wheels lie {size:.3g} m apart from corner to corner, and may lie {SIZES[0]:g} to "
-            f"{SIZES[1]:g} m; look at the unit of the positions."
-        )
     seen = np.einsum("nij,nbi->nbj", rotation[:, 0], position[:, 1:] - position[:, :1])
     for wheel, name in enumerate(BODIES[1:]):
         x, y = seen[:, wheel, 0], seen[:, wheel, 1]
@@ -310,23 +254,6 @@ def _check_speeds(time: Array, given: Array, states: BodyStates, path: Path) -> 
         )
 
 
-def _check_motion(states: BodyStates, path: Path) -> None:
-    """Refuse a file in which nothing moves: the loads of a vehicle at rest teach networks nothing."""
-    way = float(np.ptp(states.position[:, 0], axis=0).max())
-    turned = float(np.abs(states.rotation[:, 0] - states.rotation[0, 0]).max())
-    if way < 1e-3 and turned < 1e-3:
-        raise ValueError(
-            f"{path}: the hull moves by {1e3 * way:.2g} mm and turns by {turned:.2g} in {np.ptp(states.time):.3g} s; "
-            "give a run in which the vehicle drives. Look at the unit and the names of the positions."
-        )
-    speed = float(np.linalg.norm(states.velocity[:, 0], axis=-1).max())
-    if speed > FASTEST:
-        raise ValueError(
-            f"{path}: the hull moves at up to {speed:.3g} m/s, beyond {FASTEST:g} m/s; look at the units of time and "
-            "positions, and for jumps."
-        )
-
-
 def _check_lift(states: BodyStates, wrench: Array, path: Path) -> None:
     lift = np.einsum("nbj,nbj->nb", states.rotation[..., 2, :], wrench[..., :3]).sum(axis=1).mean()
     if lift < 0.0:
@@ -344,8 +271,7 @@ def _resampled(time: Array, position: Array, rotation: Array) -> BodyStates:
     """Motion every millisecond and its rates: cubic splines of the positions, arcs between the attitudes."""
     wanted = SAMPLING * np.arange(math.floor(time[-1] / SAMPLING + 1e-6) + 1)
     inside = np.clip(wanted, time[0], time[-1])
-    origin = position[0, 0]  # counted from there, places far from 0 lose no digits
-    spline = CubicSpline(time, position - origin)
+    spline = CubicSpline(time, position)
     turned = np.stack(
         [Slerp(time, Rotation.from_matrix(rotation[:, b]))(inside).as_matrix() for b in range(5)], axis=1
     )  # fmt: skip
@@ -355,16 +281,15 @@ def _resampled(time: Array, position: Array, rotation: Array) -> BodyStates:
     rates = arcs / (wanted[after] - wanted[before])[:, None, None]
     rates = smoothed(rates, SAMPLING, 2.0 * float(time[1] - time[0]))
     return BodyStates(
-        time=wanted, position=spline(inside) + origin, rotation=turned,
-        velocity=spline(inside, 1), angular_velocity=rates,
+        time=wanted, position=spline(inside), rotation=turned, velocity=spline(inside, 1), angular_velocity=rates,
         acceleration=spline(inside, 2), angular_acceleration=np.asarray(np.gradient(rates, SAMPLING, axis=0)),
         wheel_speed=np.full((len(wanted), 4), np.nan),
     )  # fmt: skip
 
 
-def _kept_as(name: str) -> type:
-    """Single precision, but for positions: in map coordinates that is half a metre."""
-    return np.float64 if name == "position" else np.float32
+def _packed(name: str, values: Array) -> NDArray[Any]:
+    """Values in the precision of a packed run."""
+    return values.astype(np.float64 if name in DOUBLE else np.float32)
 
 
 def _dataset(states: BodyStates, wrench: Array, water: Water, path: Path, scenario: str) -> xr.Dataset:
@@ -392,7 +317,7 @@ def _dataset(states: BodyStates, wrench: Array, water: Water, path: Path, scenar
     values["water_wrench_smooth"] = smoothed(wrench, SAMPLING)
     found = xr.Dataset(
         {
-            name: (dims.split(), values[name].astype(_kept_as(name)), {"units": unit, "long_name": text})
+            name: (dims.split(), _packed(name, values[name]), {"units": unit, "long_name": text})
             for name, (dims, unit, text) in described.items()
         },
         coords={

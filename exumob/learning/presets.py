@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from exumob.support.checks import require_positive, require_within
+from exumob.support.declared import Declared
+from exumob.support.quantities import Quantity
 from exumob.surrogates.networks import Architecture
 
 FLOW_INPUTS = ("forward_flow", "lateral_flow", "forward_speed", "yaw_rate", "steering", "water_depth")
@@ -14,35 +16,37 @@ RICH_INPUTS = (
     "current_speed", "water_depth",
 )  # fmt: skip
 """... and heave, pitch, roll."""
+COUNT = Quantity("1", at_least=1, at_most=1_000_000)
+"""Numbers of examples and epochs"""
+SHARE = Quantity("1", at_least=0.0, at_most=10.0)
+"""Noise and penalties, over the deviation of what they are added to"""
 
 
 @dataclass(frozen=True)
-class Preset:
+class Preset(Declared):
     """An architecture and the settings of its training."""
 
     name: str
     architecture: Architecture
-    learning_rate: float = 1e-3
+    learning_rate: Annotated[float, Quantity("1", above=0.0, at_most=1.0)] = 1e-3
     """Learning rate of Adam; the default is the paper's"""
-    batch: int = 256
-    epochs: int = 100
+    batch: Annotated[int, COUNT] = 256
+    epochs: Annotated[int, COUNT] = 100
     """Largest number of epochs"""
-    patience: int = 12
+    patience: Annotated[int, COUNT] = 12
     """Epochs without a smaller validation error after which training stops"""
-    thinning: int = 8
+    thinning: Annotated[int, Quantity("ms", at_least=1, at_most=1000)] = 8
     """Interval between examples [ms]; every epoch begins at another offset"""
     mirror: bool = False
     """Learn from every run also as mirrored in the vehicle's plane of symmetry"""
-    noise: float = 0.0
+    noise: Annotated[float, SHARE] = 0.0
     """Standard deviation of the noise added to the scaled inputs [-]"""
-    ridge: float = 1e-3
+    ridge: Annotated[float, SHARE] = 1e-3
     """Ridge penalty on the polynomial's coefficients, over the number of examples [-]"""
 
-    def __post_init__(self) -> None:
-        require_positive("Preset", learning_rate=self.learning_rate)
-        require_within("Preset", 1, 1_000_000, batch=self.batch, epochs=self.epochs, patience=self.patience)
-        require_within("Preset", 1, 1000, thinning=self.thinning)
-        require_within("Preset", 0.0, 10.0, noise=self.noise, ridge=self.ridge)
+    def _check(self) -> None:
+        if not self.name.replace("-", "").replace("_", "").isalnum():
+            raise ValueError(f"Preset.name = {self.name!r} names files; use letters, digits, - and _ alone.")
 
 
 PRESETS = {

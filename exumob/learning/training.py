@@ -11,29 +11,34 @@ import json
 import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from multiprocessing.managers import SyncManager
 from pathlib import Path
-from queue import Empty
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import torch
 import xarray as xr
 
-from exumob.learning.dataset import water_of
+from exumob.learning.dataset import check_run, water_of
 from exumob.learning.examples import Examples, build_examples, validation_run
 from exumob.learning.fitting import fit_body
 from exumob.learning.presets import Preset
-from exumob.support.files import atomic_write
+from exumob.support.declared import checked
+from exumob.support.files import require_writable
 from exumob.support.processes import end_with_parent
 from exumob.support.provenance import parameters_json, provenance
-from exumob.surrogates.networks import NetworkSet, Single, geometry
+from exumob.support.quantities import Quantity
+from exumob.surrogates.networks import NetworkSet, Single, geometry, read_arrays, write_arrays
 from exumob.vehicle.motion import BODIES, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.mesh_file import mesh_digest
+
+POLL = 0.2
+"""Interval at which progress is reported [s]."""
+ROOM = 10_000_000
+"""Room that the folder must have [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +69,12 @@ class _Task(NamedTuple):
         return Progress(self.preset.name, self.seed, BODIES[self.body], epoch, loss, done)
 
 
+@checked
 def train(
     presets: Sequence[Preset], runs: Mapping[str, xr.Dataset], vehicle: Vehicle, output: Path, *,
-    seeds: Sequence[int] = range(5), jobs: int = 2, progress: Callable[[Progress], None] | None = None,
+    seeds: Sequence[Annotated[int, Quantity("1", at_least=0)]] = range(5),
+    jobs: Annotated[int, Quantity("1", at_least=1, at_most=1000)] = 2,
+    progress: Callable[[Progress], None] | None = None,
 ) -> dict[tuple[str, int], Path]:  # fmt: skip
     """Train networks for all five bodies, each preset with each seed; continue where an earlier call was stopped.
 
@@ -101,17 +109,27 @@ def train(
     RuntimeError
         If a network cannot be trained; the others are kept.
     """
+    if not presets or not seeds or len(runs) < 2:
+        raise ValueError(
+            f"train: {len(presets)} presets, {len(seeds)} seeds, {len(runs)} runs; one preset, one seed and two runs "
+            "at least are needed."
+        )
+    for name, run in runs.items():
+        check_run(run, name)
     parts = output / "parts"
-    parts.mkdir(parents=True, exist_ok=True)
+    try:
+        parts.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(
+            f"train: the folder {parts} cannot be made ({error.strerror}); give a folder in which you may write."
+        ) from None
+    require_writable(parts / "network.safetensors", ROOM)
     _check_geometry(runs, vehicle)
     data = _data_hash(runs, vehicle)
     files: dict[tuple[str, int], Path] = {}
     context = multiprocessing.get_context("spawn")
-    manager = SyncManager(ctx=context)
-    manager.start(end_with_parent, (os.getpid(),))
-    workers = ProcessPoolExecutor(max(jobs, 1), context, end_with_parent, (os.getpid(),))
-    with manager, _stopping(workers) as pool:
-        queue = manager.Queue()
+    queue = context.SimpleQueue()
+    with _stopping(ProcessPoolExecutor(jobs, context, _begin, (queue, os.getpid()))) as pool:
         pending: dict[Any, _Task] = {}
         for preset in presets:
             names, bodies = build_examples(runs, vehicle, preset)
@@ -122,7 +140,7 @@ def train(
                     part = _part(parts, preset, seed, body, data)
                     if not part.exists():
                         task = _Task(preset, seed, b)
-                        future = pool.submit(_fit_and_keep, task, bodies[b], learn, [validation], part, queue)
+                        future = pool.submit(_fit_and_keep, task, bodies[b], learn, [validation], part)
                         pending[future] = task
                 files[preset.name, seed] = output / f"{preset.name}_seed{seed}.safetensors"
         _wait(pending, queue, progress)
@@ -152,17 +170,25 @@ def _stopping(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
     pool.shutdown()
 
 
-def _fit_and_keep(
-    task: _Task, found: Examples, learn: list[int], validation: list[int], part: Path, queue: Any
-) -> None:
-    from safetensors.numpy import save_file
+_queue: Any = None
+"""What takes the progress, in a process of the pool."""
+
+
+def _begin(queue: Any, leader: int) -> None:
+    """Begin a process of the pool: it ends with its leader, even if that is killed."""
+    global _queue
+    _queue = queue
+    end_with_parent(leader)
+
+
+def _fit_and_keep(task: _Task, found: Examples, learn: list[int], validation: list[int], part: Path) -> None:
+    queue = _queue
 
     def progress(epoch: int, loss: float) -> None:
         queue.put(task.progress(epoch, loss))
 
     arrays = fit_body(found, learn, validation, task.preset, task.seed, task.body, progress)
-    with atomic_write(part) as temporary:
-        save_file({n: np.array(a, order="C") for n, a in arrays.items()}, temporary)
+    write_arrays(part, {"network": task.name}, {n: np.array(a, order="C") for n, a in arrays.items()})
     loss = arrays["held_back_loss"]
     queue.put(task.progress(len(loss), float(loss.min()), done=True))
 
@@ -172,14 +198,12 @@ def _wait(pending: Mapping[Any, _Task], queue: Any, progress: Callable[[Progress
     failed: list[str] = []
     left = set(pending)
     while left:
-        try:
-            while True:
-                reached = queue.get(timeout=0.2)
-                if progress is not None:
-                    progress(reached)
-        except Empty:
-            pass
-        for future in [future for future in left if future.done()]:
+        ended = wait(left, POLL, FIRST_COMPLETED).done
+        while not queue.empty():  # also what those that have ended have said
+            reached = queue.get()
+            if progress is not None:
+                progress(reached)
+        for future in ended:
             left.remove(future)
             if future.exception() is not None:
                 failed.append(f"{pending[future].name}: {future.exception()}")
@@ -188,10 +212,7 @@ def _wait(pending: Mapping[Any, _Task], queue: Any, progress: Callable[[Progress
 
 
 def _read(part: Path) -> dict[str, Single]:
-    from safetensors.numpy import load_file
-
-    found: dict[str, Single] = load_file(part)
-    return found
+    return read_arrays(part, "a network that was trained here", "delete it, and the same command makes it again.")[1]
 
 
 def _stacked(arrays: Sequence[Single]) -> Single:

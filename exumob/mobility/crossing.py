@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 import xarray as xr
 
+from exumob.mobility.lattice import MEASURES
 from exumob.simulation.verdict import Verdict, VerdictLimits, judge, verdict_of_error, wheel_load_share
 from exumob.support.declared import Declared, checked
 from exumob.support.errors import SimulationError
@@ -77,6 +78,7 @@ def judge_crossing(run: xr.Dataset, limits: Limits) -> dict[str, float]:
     ValueError
         If the run is shorter than the window, or lacks what a verdict needs (`exumob.simulation.verdict.judge`).
     """
+    verdict = judge(run, limits.verdict)  # refuses what is no run
     end = float(run["time"][-1])
     if end < limits.window:
         raise ValueError(
@@ -88,7 +90,6 @@ def judge_crossing(run: xr.Dataset, limits: Limits) -> dict[str, float]:
     speed = float(hull[-1, 0] - hull[0, 0]) / span
     sideways = float(hull[-1, 1] - hull[0, 1]) / span
     drift = sideways / speed * limits.width if speed > 0.0 else math.copysign(math.inf, sideways)
-    verdict = judge(run, limits.verdict)
     failure, since = _befallen(verdict, end - limits.window)
     if failure == "none" and speed < limits.speed:
         failure = "too slow"
@@ -144,6 +145,15 @@ class Crossing(Declared):
                 "out_of_range": outside,
             }  # fmt: skip
         return judge_crossing(run, self.limits)
+
+    @property
+    def variables(self) -> dict[str, tuple[str, str]]:
+        """Unit and meaning of the numbers of `judge_crossing`, by name, as sweeps keep them."""
+        return MEASURES | {
+            "crossed": ("1", "1 if the vehicle crossed, else 0"),
+            "failure": ("1", f"number of the failure: {', '.join(FAILURES)}, from 0 on"),
+            "failure_since": ("s", "first onset of the failure"),
+        }
 
     @property
     def parameters(self) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from exumob.support.arrays import Array
@@ -100,30 +101,82 @@ class Lattice:
         fine._needed |= _corners_of(np.repeat(np.repeat(self._border(), 2, axis=1), 2, axis=2))
         return fine
 
-    def dataset(self) -> xr.Dataset:
-        """Probability with its interval, means of the verdicts, failures and numbers of runs; dims (panel, y, x)."""
+    def dataset(self, has_range: bool = True) -> xr.Dataset:
+        """Probability with its interval, means of the verdicts, failures and numbers of runs; dims (panel, y, x).
+
+        Parameters
+        ----------
+        has_range : bool
+            Whether the model of the water has a training range; if not, ``out_of_range`` is nan.
+        """
         dims = ("panel", "y", "x")
         low, high = np.full(self.runs.shape, math.nan), np.full(self.runs.shape, math.nan)
         for node in np.argwhere(self.runs > 0):
             n = tuple(node)
             runs = int(self.runs[n])
-            bounds = binomtest(round(self.values["crossed"][n] * runs), runs).proportion_ci(CONFIDENCE, "wilson")
-            low[n], high[n] = bounds.low, bounds.high
-        interval = {"units": "1", "long_name": f"Wilson's interval, {100.0 * CONFIDENCE:.0f} %"}
-        failure = {"long_name": "most frequent failure, see the attribute failures; -1: interpolated"}
+            low[n], high[n] = wilson_interval(round(self.values["crossed"][n] * runs), runs)
+        bound = f"bound of the chance to cross: Wilson's interval, {100.0 * CONFIDENCE:.0f} %"
+        failure = "most frequent failure, index of the attribute failures; -1: interpolated"
         unit, text = MEASURES["crossed"]
         variables = {
             "probability": (dims, self.values["crossed"], {"units": unit, "long_name": text}),
-            "probability_low": (dims, low, interval),
-            "probability_high": (dims, high, interval),
-            "failure": (dims, self.failure, failure),
-            "runs": (dims, self.runs, {"long_name": "runs at the node; 0: interpolated"}),
+            "probability_low": (dims, low, {"units": "1", "long_name": f"lower {bound}"}),
+            "probability_high": (dims, high, {"units": "1", "long_name": f"upper {bound}"}),
+            "failure": (dims, self.failure, {"units": "1", "long_name": failure}),
+            "runs": (dims, self.runs, {"units": "1", "long_name": "runs at the node; 0: interpolated"}),
         }
         for name, (unit, text) in MEASURES.items():
             if name != "crossed":
                 about = {"units": unit, "long_name": f"{text}, mean of the runs that got so far"}
                 variables[name] = (dims, self.values[name], about)
+        if not has_range:
+            text = "nan: the model of the water has no training range"
+            variables["out_of_range"] = (dims, np.full(self.runs.shape, math.nan), {"units": "1", "long_name": text})
         return xr.Dataset(variables, coords={"panel": self.panels, "y": self.y, "x": self.x})
+
+
+def wilson_interval(crossed: int, runs: int) -> tuple[float, float]:
+    """Return Wilson's interval of the chance to cross, if so many of so many runs did [-]."""
+    bounds = binomtest(crossed, runs).proportion_ci(CONFIDENCE, "wilson")
+    return float(bounds.low), float(bounds.high)
+
+
+def fewest_runs(level: float = 0.5) -> int:
+    """Return the smallest number of runs a node that can tell a chance from `level`: all of them end the same."""
+    return next(runs for runs in range(1, 1000) if wilson_interval(runs, runs)[0] > level)
+
+
+def sides(low: Array, high: Array, level: float) -> NDArray[np.int8]:
+    """Return on which side of a level the chance is for sure at each node: 1 above, -1 below, 0 not decided."""
+    return np.where(low > level, 1, np.where(high < level, -1, 0)).astype(np.int8)
+
+
+def separated_cells(low: Array, high: Array, level: float) -> NDArray[np.bool_]:
+    """Find the cells in which a line of equal chance is supported by the nodes' intervals.
+
+    Along each row and column of nodes the line passes between two nodes that lie for sure on either side of it, with
+    none between them that is decided. The cells along that stretch are those that count.
+
+    Parameters
+    ----------
+    low, high : array, shape (n, m)
+        Bounds of the chance at the nodes; nan where a node was not computed.
+    level : float
+        The chance of the line.
+
+    Returns
+    -------
+    array of bool, shape (n - 1, m - 1)
+    """
+    side = sides(low, high, level)
+    found = np.zeros((side.shape[0] - 1, side.shape[1] - 1), bool)
+    for nodes, cells in ((side, found), (side.T, found.T)):
+        for i, row in enumerate(nodes):
+            decided = np.flatnonzero(row)
+            for one, other in itertools.pairwise(decided):
+                if row[one] != row[other]:
+                    cells[max(i - 1, 0) : i + 1, one:other] = True
+    return found
 
 
 CORNERS = tuple(itertools.product((slice(None, -1), slice(1, None)), repeat=2))

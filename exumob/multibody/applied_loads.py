@@ -39,6 +39,9 @@ LOAD_PARAMETERS = np.dtype(
         ("body_inertia", "f8", (9, 3)),  # principal, about the origin [kg m^2]
         ("gravity", "f8"),
         ("settling_rate", "f8"),  # [1/s]: mass-proportional damping while the static equilibrium is sought
+        ("hold_rate", "f8"),  # [rad/s]: of the springs that hold the hull until the release; 0: it is free
+        ("hold_place", "f8", (3,)),  # where they hold the hull's origin, free along the next [m]
+        ("hold_normal", "f8", (3,)),  # unit normal of the ground there
     ],
     align=True,
 )
@@ -207,6 +210,30 @@ def _water_on_hull(p: Any, motion: BodyMotion, out: Any) -> None:
         out.settling_power += f_s * rate[k] + t_s * turning[k]
         out.hull_force[k] = f + f_s
         out.hull_torque[k] = t + t_s
+    if p.hold_rate > 0.0:
+        _hold(p, motion, out)
+
+
+@njit(cache=True, error_model="numpy")
+def _hold(p: Any, motion: BodyMotion, out: Any) -> None:
+    """Hold the hull above its place on the ground, and its heading along world x, by critically damped springs."""
+    rotation, turning, rate = motion.rotation[0], motion.angular_velocity[0], motion.rate[0]
+    above = 0.0
+    climb = 0.0
+    for k in range(3):
+        above += p.hold_normal[k] * (motion.node[0, k] - p.hold_place[k])
+        climb += p.hold_normal[k] * rate[k]
+    for k in range(3):
+        away = motion.node[0, k] - p.hold_place[k] - above * p.hold_normal[k]
+        speed = rate[k] - climb * p.hold_normal[k]
+        pull = -p.body_mass[0] * p.hold_rate * (p.hold_rate * away + 2.0 * speed)
+        out.settling_power += pull * rate[k]
+        out.hull_force[k] += pull
+    yaw_rate = turning[0] * rotation[0, 2] + turning[1] * rotation[1, 2] + turning[2] * rotation[2, 2]
+    twist = -p.body_inertia[0, 2] * p.hold_rate * (2.0 * yaw_rate - p.hold_rate * rotation[0, 1])
+    out.settling_power += twist * yaw_rate
+    for k in range(3):
+        out.hull_torque[k] += twist * rotation[k, 2]
 
 
 @njit(cache=True, error_model="numpy")

@@ -143,7 +143,7 @@ class MultibodyVehicle:
         Raises
         ------
         SimulationError
-            If a wheel sinks to its centre.
+            If a wheel sinks to its centre, or the vehicle tips over.
         """
         settings = integration_settings(SETTLING_MICRO_STEP, 1.0, tolerance=1e-7)
         settings.timeIntegration.newton.modifiedNewtonContractivity = 0.5  # half the time of 0.05; 1e-11 m apart
@@ -155,18 +155,27 @@ class MultibodyVehicle:
         def state() -> tuple[Array, Array]:
             return np.array(self._q), np.array(self._v)
 
-        self._start(settings, driving=False)
+        data = self.mbs.systemData
+        initial = exu.ConfigurationType.Initial
+        laid = np.array(data.GetODE2Coordinates(initial)), np.array(data.GetODE2Coordinates_t(initial))
+
+        def begin() -> BodyStates:
+            data.SetODE2Coordinates(laid[0], configuration=initial)
+            data.SetODE2Coordinates_t(laid[1], configuration=initial)
+            self._start(settings, driving=False)
+            return self.present()
+
+        self.parameters[0]["hold_place"] = self._reference[:3] + laid[0][:3]
+        self.parameters[0]["hold_normal"] = self._ground_normal
         try:
-            start = relax(
-                self.vehicle, self.parameters[0], self.loads[0], water_wrenches, advance, self.present(), state
-            )
+            start = relax(self.vehicle, self.parameters[0], self.loads[0], water_wrenches, advance, begin, state)
         finally:
             self._solver.FinalizeSolver(self.mbs, settings)
         self.start_kind = start.kind
-        velocities = start.velocities + self._rolling(start.coordinates, initial_speed)
-        data = self.mbs.systemData
-        data.SetODE2Coordinates(start.coordinates, configuration=exu.ConfigurationType.Initial)
-        data.SetODE2Coordinates_t(velocities, configuration=exu.ConfigurationType.Initial)
+        moving = initial_speed != 0.0 or self.maneuver.wheel_speed(0.0)[0] != 0.0
+        velocities = self._rolling(start.coordinates, initial_speed) if moving else start.velocities
+        data.SetODE2Coordinates(start.coordinates, configuration=initial)
+        data.SetODE2Coordinates_t(velocities, configuration=initial)
         self._start(self._settings, driving=True)
         return start
 
@@ -248,12 +257,28 @@ class MultibodyVehicle:
     def _after_step(self, mbs: Any, time: float) -> bool:
         depth = self._account(time)
         if not depth < 1.0:
-            raise _sunk(self.vehicle.name, time, depth, "" if self._driving else "while settling, ")
+            raise self._sunk(time, depth)
         self._recorder.sample(time)
         self._look(time)
         if self._driving and self._recorder.record_is_due(time):
             self._record(time)
         return True
+
+    def _sunk(self, time: float, depth: float) -> SimulationError:
+        """Say that a wheel has sunk to its centre, or that the motion is not finite (depth NaN)."""
+        name, phase = self.vehicle.name, "" if self._driving else "while settling, "
+        if np.isnan(depth):
+            return SimulationError(
+                f"{name}: {phase}the motion is not finite at {time:.4f} s; halve micro_step and macro_step."
+            )
+        p, loads = self.parameters[0], self.loads[0]
+        wheel = int(loads["sinkage"].argmax())
+        return SimulationError(
+            f"{name}: {phase}a wheel has sunk to its centre at {time:.4f} s (sinkage {depth:.2f} radii; Bekker-Wong "
+            f"ends at 1): the soil bears {loads['soil_force'][wheel, 2]:.0f} N there, a quarter of the weight is "
+            f"{0.25 * self.vehicle.mass * float(p['gravity']):.0f} N. Choose a firmer soil or a lighter vehicle.",
+            cause="sunk",
+        )
 
     def _look(self, time: float) -> None:
         """Let the driver of a maneuver with feedback see the vehicle, if it is time to."""
@@ -345,6 +370,11 @@ class MultibodyVehicle:
     def time(self) -> float:
         """Time reached [s]."""
         return float(self.mbs.systemData.GetTime())
+
+    @property
+    def slowest_slide(self) -> float:
+        """Speed from which locked wheels slide [m/s]; slower, soil at standstill resists by creep."""
+        return float(self.parameters[0]["wheel_radius"] * self.parameters[0]["standstill_rate"])
 
     @property
     def history(self) -> BodyStates:
@@ -443,16 +473,3 @@ class MultibodyVehicle:
             self.mbs.systemData.SetTime(now)
             self._q[:], self._v[:] = q, v
             self._prescribe(now)
-
-
-def _sunk(name: str, time: float, depth: float, phase: str) -> SimulationError:
-    """The error of a wheel sunk to its centre, or of a motion that is not finite (depth NaN)."""
-    if np.isnan(depth):
-        return SimulationError(
-            f"{name}: {phase}the motion is not finite at {time:.4f} s; halve micro_step and macro_step."
-        )
-    return SimulationError(
-        f"{name}: {phase}a wheel has sunk to its centre at {time:.4f} s (sinkage {depth:.2f} radii; Bekker-Wong "
-        "ends at 1). Choose a firmer soil or a lighter vehicle.",
-        cause="sunk",
-    )

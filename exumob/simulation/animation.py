@@ -11,11 +11,22 @@ import xarray as xr
 from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
-from exumob.simulation.plotting import _parameters, draw_current, plot_path, scenario_name, vehicle_outlines
+from exumob.simulation.plotting import (
+    _parameters,
+    draw_current,
+    frame_path,
+    path_limits,
+    plot_path,
+    stored_terrain,
+    vehicle_outlines,
+    water_label,
+)
+from exumob.support.arrays import Array
 from exumob.support.cost import require_frames
-from exumob.support.figures import BODY_COLOR, SOIL_COLOR, STYLE, WATER_COLOR
+from exumob.support.figures import BODY_COLOR, SOIL_COLOR, STYLE, WATER_COLOR, footnote, trust_notes
 from exumob.vehicle.parameters import Hull
 
 
@@ -41,12 +52,11 @@ def animate_run(dataset: xr.Dataset, file: str | Path, frames_per_second: int = 
     if not 0.0 < frames_per_second <= 1000.0:
         raise ValueError(f"animate_run.frames_per_second = {frames_per_second} must be > 0 and <= 1000; give 12, say.")
     remedy = "give a shorter run, or fewer frames_per_second."
-    require_frames("animate_run", math.ceil(float(times[-1]) * frames_per_second), 720 * 384, remedy)
+    require_frames("animate_run", math.ceil(float(times[-1]) * frames_per_second), 720 * 640, remedy)
     frames = np.searchsorted(times, np.arange(0.0, times[-1] + 1e-9, 1.0 / frames_per_second))
-    frames = np.minimum(frames, len(times) - 1)
+    frames = np.unique([*np.minimum(frames, len(times) - 1), len(times) - 1])
     with plt.rc_context(STYLE):
-        figure, (top, side) = plt.subplots(2, 1, figsize=(9.0, 4.8), height_ratios=[1.3, 1.0], layout="constrained")
-        draw = _Scene(top, side, dataset)
+        figure, draw = _scene(dataset)
         figure.canvas.draw()
         figure.set_layout_engine("none")  # laying out every frame anew costs ten times the drawing
         animation = FuncAnimation(figure, draw.frame, frames=frames, blit=False)
@@ -54,29 +64,52 @@ def animate_run(dataset: xr.Dataset, file: str | Path, frames_per_second: int = 
     plt.close(figure)
 
 
+def _scene(dataset: xr.Dataset) -> tuple[Figure, _Scene]:
+    """Make the figure, as high as the path is wide, and what moves in it."""
+    x_low, x_high, y_low, y_high = path_limits(dataset)
+    height = float(np.clip(8.0 * (y_high - y_low) / (x_high - x_low), 1.4, 4.0))  # [inches], of the view from above
+    figure, (top, side) = plt.subplots(
+        2, 1, figsize=(9.0, height + 3.9), height_ratios=[height, 2.2], layout="constrained"
+    )
+    footnote(figure, *trust_notes([dataset]))
+    return figure, _Scene(figure, top, side, dataset, 8.0 / height)
+
+
 class _Scene:
     """Two views of a run that are moved from frame to frame."""
 
-    def __init__(self, top: Axes, side: Axes, dataset: xr.Dataset) -> None:
+    def __init__(self, figure: Figure, top: Axes, side: Axes, dataset: xr.Dataset, ratio: float) -> None:
         self.data, self.top, self.side = dataset, top, side
         vehicle, water = _parameters(dataset, "vehicle"), _parameters(dataset, "water")
-        self.hull, self.radius = Hull(**vehicle["hull"]), 0.5 * vehicle["wheel"]["diameter"]
+        self.hull = Hull(**(vehicle["hull"] | {"mesh": None, "inertia": None}))  # the box alone is drawn
+        self.radius = 0.5 * vehicle["wheel"]["diameter"]
+        self.terrain = stored_terrain(dataset)
         size = self.hull.length
         plot_path(top, dataset, every=0.0)
         draw_current(top, dataset)
-        top.margins(x=0.12)
-        y = dataset["position"].sel(body="hull", axis="y")
-        top.set_ylim(float(y.min()) - 0.8 * size, float(y.max()) + 0.8 * size)
+        frame_path(top, dataset, ratio)
+        top.set_title("from above", loc="left", fontweight="normal")
+        if "member_position" in dataset:
+            top.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
         self.outlines = [Polygon(np.zeros((3, 2)), fc="C0", ec=BODY_COLOR, alpha=0.8) for _ in range(5)]
         for k, patch in enumerate(self.outlines):
             top.add_patch(patch)
             patch.set_facecolor("C0" if k == 0 else BODY_COLOR)
         depth = water.get("depth", 0.0)
-        ceiling = 1.3 * (self.hull.ground_clearance + self.hull.height)
-        side.axhspan(-1.0, 0.0, color=SOIL_COLOR, zorder=0)
+        places = dataset["position"].values
+        height = places[..., 2] - self._ground(places[:, 0])[:, None]  # above the soil below the hull's centre
+        above_hull = self.hull.ground_clearance + self.hull.height - self.hull.center_of_mass_height
+        above_hull += 0.5 * size * float(np.abs(np.sin(dataset["pitch"].values[:, 0])).max())
+        high = max(float(height[:, 0].max()) + above_hull, 1.1 * depth)
+        low = min(float(height[:, 1:].min()) - self.radius, 0.0)
+        self.heights = low - 0.2 * (high - low), high + 0.1 * (high - low)
+        self.soil = Polygon(np.zeros((3, 2)), fc=SOIL_COLOR, ec="none", zorder=0)
+        side.add_patch(self.soil)
         if depth:
             side.axhspan(0.0, depth, color=WATER_COLOR, alpha=0.35, zorder=4)
-        side.set(ylim=(-0.25 * ceiling, ceiling), ylabel="z [m]", aspect="equal", xlabel="along the heading [m]")
+        side.set(
+            ylim=self.heights, ylabel="z [m]", aspect="equal", xlabel="along the heading, from the hull's centre [m]"
+        )
         side.set_xlim(-1.1 * size, 1.1 * size)
         side.grid(visible=False)
         self.profile = Polygon(np.zeros((3, 2)), fc="C0", ec=BODY_COLOR, zorder=3)
@@ -88,7 +121,25 @@ class _Scene:
         self.turn = np.concatenate([np.zeros((1, 4)), np.cumsum(
             0.5 * np.diff(dataset["time"].values)[:, None]
             * (dataset["wheel_speed"].values[1:] + dataset["wheel_speed"].values[:-1]), axis=0)])  # fmt: skip
-        self.title = top.set_title("")
+        side.set_title("from starboard", loc="left", fontweight="normal")
+        self.title = figure.suptitle(" ", fontsize=10, fontweight="bold")
+
+    def _ground(self, places: Array) -> Array:
+        """Height of the soil's surface below places, shape (..., 2 or 3) -> (...) [m]."""
+        if self.terrain.is_flat:
+            return np.full(places.shape[:-1], self.terrain.height)
+        flat = places.reshape(-1, places.shape[-1])
+        heights = [self.terrain.height_and_normal(float(place[0]), float(place[1]))[0] for place in flat]
+        return np.array(heights).reshape(places.shape[:-1])
+
+    def _move_soil(self, origin: Array, heading: Array) -> None:
+        """Draw the soil below the heading, and keep the vehicle in the picture where it goes up or down."""
+        along = np.linspace(*self.side.get_xlim(), 81)
+        surface = self._ground(origin[:2] + along[:, None] * heading)
+        here = float(self._ground(origin[:2]))
+        bottom = here + self.heights[0] - 1.0
+        self.soil.set_xy([(along[0], bottom), *zip(along, surface, strict=True), (along[-1], bottom)])
+        self.side.set_ylim(here + self.heights[0], here + self.heights[1])
 
     def frame(self, index: int) -> list[Artist]:
         data, hull = self.data, self.hull
@@ -97,6 +148,7 @@ class _Scene:
         yaw, pitch = (float(data[name].values[index, 0]) for name in ("yaw", "pitch"))
         heading = np.array([np.cos(yaw), np.sin(yaw)])
         origin = data["position"].values[index, 0]
+        self._move_soil(origin, heading)
         profile = hull.side_profile() - [hull.center_of_mass_x, hull.center_of_mass_height]
         c, s = np.cos(pitch), np.sin(pitch)
         self.profile.set_xy(profile @ np.array([[c, -s], [s, c]]) + [0.0, origin[2]])
@@ -107,9 +159,9 @@ class _Scene:
             angle = self.turn[index, k]
             tip = 0.9 * self.radius * np.array([np.sin(angle), np.cos(angle)])
             self.spokes[k].set_data([x - tip[0], x + tip[0]], [center[2] - tip[1], center[2] + tip[1]])
-        speed = float(data["forward_velocity"].values[index])
+        speed = round(float(data["forward_velocity"].values[index]), 2) + 0.0  # no -0.00
         self.title.set_text(
-            f"{scenario_name(data)}   t = {float(data['time'].values[index]):.2f} s   speed {speed:.2f} m/s   "
-            f"yaw {np.degrees(yaw):.0f}°"
+            f"{water_label(data)}   t = {float(data['time'].values[index]):.2f} s   speed {speed:.2f} m/s   "
+            f"yaw {round(math.degrees(yaw)) + 0}°"
         )
-        return [*self.outlines, self.profile, *self.rims, *self.spokes, self.title]
+        return [*self.outlines, self.soil, self.profile, *self.rims, *self.spokes, self.title]

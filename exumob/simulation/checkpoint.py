@@ -1,8 +1,8 @@
 """Checkpoints: the whole of a run in one file, from which it goes on with the same bits.
 
 A file is an uncompressed numpy archive (.npz): every array under its own name, and one text, JSON, that says how they
-hang together and what run they belong to. No pickle: a file from elsewhere can do no harm. It is written under another
-name and then renamed, so that a killed run leaves the last whole one.
+hang together and what run they belong to, with a digest of all. No pickle: a file from elsewhere can do no harm. It is
+written under another name and then renamed, so that a killed run leaves the last whole one. What is damaged is refused.
 """
 
 from __future__ import annotations
@@ -10,13 +10,14 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import struct
+import os
 import time
 import zipfile
-import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -39,6 +40,8 @@ SLOW = 0.5
 """Time for a flow code's save [s] beyond which its state is noted less often."""
 HEAD = "contents"
 """Name of the JSON text in the archive."""
+ROOM = 4_000_000
+"""Room that a folder must have for a first checkpoint [bytes]; those of the flow are larger, which only shows later."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,8 @@ class Checkpoints:
     Raises
     ------
     ValueError
-        If the folder does not exist, the file is there but not to be resumed, or is of another run.
+        If the folder does not exist, cannot be written or is full, or the file is there but not to be resumed, is of
+        another run, or damaged.
     """
 
     def __init__(self, file: Path, fingerprint: Fingerprint, resume: bool) -> None:
@@ -97,22 +101,20 @@ class Checkpoints:
         self._written = -1
         self._passed = 0  # whole intervals
         self._patience = 0.0
-        self._warned = False
         self._began = time.perf_counter()
         self.elapsed = 0.0
         """Wall time of earlier processes until the checkpoint from which this one goes on [s]."""
-        if not file.parent.is_dir():
-            raise ValueError(f"checkpoint {file}: the folder {file.parent} does not exist; create it first.")
-        if file.is_dir():
-            raise ValueError(f"checkpoint {file} is a folder; give the name of a file (.npz) in it.")
+        self._failed = False
+        _check_folder(file)
         self.found = file.exists()
         if self.found and not resume:
             raise ValueError(f"checkpoint {file} exists already; resume from it (resume, --resume) or move it away.")
-        require_writable(file)
-        step, self._tree = -1, None
+        self.released, self.spin_up = False, None
+        self._read: tuple[int, dict[str, Any]] | None = None
         if self.found:
-            head, self._tree = _read(file)
-            step, self.elapsed = int(head["step"]), float(head["elapsed"])
+            with _opened(file) as archive:
+                head = _head(file, archive)
+            self.elapsed = head["elapsed"]
             wrong = fingerprint.differences(head["fingerprint"])
             if wrong:
                 raise ValueError(
@@ -120,33 +122,31 @@ class Checkpoints:
                     f"{'s' if len(wrong) == 1 else ''}. Resume with what it was made with, or move it away and begin "
                     "anew."
                 )
-        self._step = step
-        self.released = self.found and step >= 0
-        self.spin_up: Any = self._tree["spin_up"] if self._tree is not None and not self.released else None
+            self._read = read(file)
+            steps, tree = self._read
+            self.released = steps >= 0
+            parts = {"model", "hydrodynamics", "coupling"} if self.released else {"spin_up"}
+            if set(tree) != parts:
+                _refuse(file, f"it holds {', '.join(sorted(tree)) or 'nothing'} instead of {', '.join(sorted(parts))}")
+            self.spin_up = tree.get("spin_up")
 
     def resume(self, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling) -> int:
-        """Bring all to the state of the file; return the number of macro steps done.
-
-        Raises
-        ------
-        ValueError
-            If the file is damaged.
-        """
-        saved, self._tree = self._tree, None
-        assert saved is not None
+        """Bring all to the state of the file; return the number of macro steps done."""
+        steps, saved = read(self.file) if self._read is None else self._read
+        self._read = None  # it may be large
         try:
             model.restore(SavedState(**saved["model"]))
             hydrodynamics.restore(saved["hydrodynamics"])
             coupling.restore(saved["coupling"])
-        except (KeyError, TypeError, ValueError, IndexError, AttributeError, RuntimeError) as error:
-            raise _damaged(self.file, error) from error
-        self._written, self._passed = self._step, int(model.time / INTERVAL + 1e-6)
+        except (KeyError, TypeError, ValueError, AttributeError, IndexError, RuntimeError) as error:
+            _refuse(self.file, f"{type(error).__name__}: {error}")
+        self._written, self._passed = steps, int(model.time / INTERVAL + 1e-6)
         logger.info("%s: goes on from %.3f s", self.file, model.time)
-        return self._step
+        return steps
 
     def keep_spin_up(self, saved: Any) -> None:
-        """Write the state of the water before the release, or warn that it cannot be written."""
-        self._try_to_write(-1, {"spin_up": saved})
+        """Write the state of the water before the release."""
+        self._keep(-1, {"spin_up": saved}, "before the release")
 
     def before_step(
         self, step: int, model: MultibodyVehicle, hydrodynamics: Hydrodynamics, coupling: Coupling
@@ -184,22 +184,26 @@ class Checkpoints:
             "hydrodynamics": hydrodynamics.save(),
             "coupling": coupling.save(),
         }
-        if self._try_to_write(step, tree):
+        if self._keep(step, tree, f"at {model.time:.3f} s"):
             self._written = step
 
-    def _try_to_write(self, step: int, tree: dict[str, Any]) -> bool:
-        """Write the file; a full disk is warned of once, and costs the run nothing."""
+    def _keep(self, step: int, tree: dict[str, Any], when: str) -> bool:
+        """Write a checkpoint; where that fails, say so once and let the run go on."""
         try:
             write(self.file, step, tree, self.fingerprint, self._elapsed())
         except OSError as error:
-            if not self._warned:
+            if not self._failed:
+                kept = f"{self.file} holds an earlier state" if self.file.exists() else "there is none yet"
+                reason = os.strerror(error.errno) if error.errno else str(error)
                 logger.warning(
-                    "checkpoint %s could not be written (%s); the run goes on, and tries again at the next one",
-                    self.file, error.strerror or error,
+                    "checkpoint %s could not be written %s (%s); the run goes on, and %s. Make room, or let the folder "
+                    "be written: the next one is tried.", self.file, when, reason, kept,
                 )  # fmt: skip
-            self._warned = True
+            self._failed = True
             return False
-        self._warned = False
+        if self._failed:
+            logger.warning("checkpoint %s could be written again %s.", self.file, when)
+        self._failed = False
         return True
 
     def _elapsed(self) -> float:
@@ -210,6 +214,7 @@ def write(file: Path, step: int, tree: dict[str, Any], fingerprint: Fingerprint,
     """Write a tree of dicts, lists, arrays, numbers and text, whole or not at all; `elapsed` [s] is what it took."""
     arrays: dict[str, np.ndarray] = {}
     head = {"step": step, "fingerprint": fingerprint.parts, "elapsed": elapsed, "tree": _taken_apart(tree, "", arrays)}
+    head["digest"] = _digest(json.loads(json.dumps(head)), arrays)
     with atomic_write(file) as temporary, temporary.open("wb") as stream:
         np.savez(stream, allow_pickle=False, **{HEAD: np.array(json.dumps(head))}, **arrays)
 
@@ -220,48 +225,88 @@ def read(file: Path) -> tuple[int, dict[str, Any]]:
     Raises
     ------
     ValueError
-        If the file is no checkpoint, or damaged.
+        If the file is damaged, or not what `write` has written.
     """
-    head, tree = _read(file)
-    return int(head["step"]), tree
+    with _opened(file) as archive:
+        head = _head(file, archive)
+        arrays = {name: archive[name] for name in archive.files if name != HEAD}
+        if head.pop("digest", None) != _digest(head, arrays):
+            _refuse(file, "it is not what was written: its digest differs")
+        tree: dict[str, Any] = _put_together(head["tree"], arrays)
+    return head["step"], tree
 
 
-def _read(file: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Read a whole file: its head (step, fingerprint, elapsed) and the tree."""
+def _digest(head: dict[str, Any], arrays: dict[str, np.ndarray]) -> str:
+    """Digest of all that a checkpoint holds."""
+    found = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        found.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        found.update(array.reshape(-1).view(np.uint8).data if array.size else b"")
+    return found.hexdigest()
+
+
+def _check_folder(file: Path) -> None:
+    """Raise ValueError if the file cannot be written, before anything runs."""
+    if not file.parent.is_dir():
+        raise ValueError(f"checkpoint {file}: the folder {file.parent} does not exist; create it first.")
+    if file.is_dir():
+        raise ValueError(f"checkpoint {file}: this is a folder; give a file name.")
+    try:
+        require_writable(file, max(ROOM, file.stat().st_size if file.exists() else 0))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"checkpoint {error}") from None
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[Any]:
+    """Open an archive whose members are whole; whatever goes wrong in it is a ValueError that names the file."""
     try:
         with file.open("rb") as stream:
             archive = np.load(stream, allow_pickle=False)
-            if not hasattr(archive, "files") or HEAD not in archive.files:
-                raise ValueError(f"checkpoint {file} is not one of exumob; give another file.")
-            head = json.loads(str(archive[HEAD]))
-            right = (
-                isinstance(head["step"], int)
-                and isinstance(head["elapsed"], int | float)
-                and isinstance(head["fingerprint"], dict)
-            )
-            tree = _put_together(head["tree"], archive)
-            if not right or not isinstance(tree, dict):
-                raise ValueError("its head is incomplete")
-            wanted = ("model", "hydrodynamics", "coupling") if head["step"] >= 0 else ("spin_up",)
-            for name in wanted:
-                if name not in tree:
-                    raise ValueError(f"{name} is missing")
-    except ValueError as error:
-        if "is not one of exumob" in str(error):
-            raise
-        raise _damaged(file, error) from error
-    except (OSError, EOFError, KeyError, TypeError, IndexError, AttributeError, NotImplementedError, struct.error,
-            zipfile.BadZipFile, zlib.error, RecursionError, MemoryError, RuntimeError) as error:  # fmt: skip
-        raise _damaged(file, error) from error
-    return head, tree
+            if not isinstance(archive, np.lib.npyio.NpzFile) or archive.zip is None:
+                raise _Damaged("it is no numpy archive")
+            if any(member.compress_type != zipfile.ZIP_STORED for member in archive.zip.infolist()):
+                raise _Damaged("it is compressed, which ours are not")
+            bad = archive.zip.testzip()  # before any array is made of what may be damaged
+            if bad is not None:
+                raise _Damaged(f"the checksum of its part {bad} is wrong")
+            yield archive
+    except OSError as error:
+        if isinstance(error, FileNotFoundError | PermissionError):
+            raise ValueError(f"checkpoint {file} cannot be opened ({error.strerror}); give another file.") from None
+        _refuse(file, str(error))
+    except _Refused:
+        raise
+    except Exception as error:  # of zipfile, zlib and numpy: a dozen kinds, for whatever is wrong inside
+        _refuse(file, str(error) if isinstance(error, _Damaged) else f"{type(error).__name__}: {error}")
 
 
-def _damaged(file: Path, error: BaseException) -> ValueError:
-    text = " ".join(str(error).split())[:200]
-    return ValueError(
-        f"checkpoint {file} cannot be read ({type(error).__name__}: {text}): it is damaged or cut off; move it away "
-        "and begin anew."
-    )
+class _Damaged(Exception):
+    """What is wrong with a file."""
+
+
+class _Refused(ValueError):
+    """A file is refused, and the message says why."""
+
+
+def _refuse(file: Path, why: str) -> NoReturn:
+    raise _Refused(
+        f"checkpoint {file} cannot be read ({' '.join(why.split())[:300]}); it is damaged, cut off or of another kind; "
+        "move it away and begin anew."
+    ) from None
+
+
+def _head(file: Path, archive: Any) -> dict[str, Any]:
+    """Return what the archive says of itself, its kinds checked."""
+    if HEAD not in archive.files:
+        raise _Refused(f"checkpoint {file} is not one of exumob; give another file.")
+    head = json.loads(str(archive[HEAD]))
+    kinds = {"step": int, "fingerprint": dict, "elapsed": float, "tree": dict}
+    wrong = [name for name, kind in kinds.items() if not isinstance(head, dict) or not isinstance(head.get(name), kind)]
+    if wrong:
+        _refuse(file, f"its head has no right {', no right '.join(wrong)}")
+    return dict(head)
 
 
 def _taken_apart(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
@@ -280,12 +325,12 @@ def _taken_apart(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
     raise TypeError(f"checkpoint: {name} is a {type(value).__name__}; save() must give dicts, lists, arrays, numbers.")
 
 
-def _put_together(node: Any, archive: Any) -> Any:
+def _put_together(node: Any, arrays: dict[str, np.ndarray]) -> Any:
     ((kind, value),) = node.items()
     if kind == "array":
-        return archive[value]
+        return arrays[value]
     if kind == "dict":
-        return {key: _put_together(part, archive) for key, part in value.items()}
+        return {key: _put_together(part, arrays) for key, part in value.items()}
     if kind == "list":
-        return [_put_together(part, archive) for part in value]
+        return [_put_together(part, arrays) for part in value]
     return value

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import logging
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict, is_dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from exumob.vehicle.parameters import Vehicle
 MOST_SAMPLES = 100_000
 """Instants at which a maneuver is looked at; of a longer one than 100 s not every millisecond."""
 
-logger = logging.getLogger(__name__)
+ROLLING = 0.01
+"""How far wheels may turn from rolling at time 0, over the speed."""
 
 
 def check_steps(steps: Steps) -> None:
@@ -94,27 +95,44 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> tup
     return float(steering[:, 0].min()), float(steering[:, 0].max())
 
 
-def check_initial_speed(speed: float, rolling: float, flow_in_loop: bool) -> None:
-    """Refuse a start in motion with a flow solver in the loop; warn if the wheels do not turn with the vehicle.
+def rolling_start(
+    vehicle: Vehicle, maneuver: Maneuver, initial_speed: float | None, flow_in_loop: bool
+) -> tuple[Maneuver, float]:  # fmt: skip
+    """Bring the wheel speed at time 0 and the speed of the vehicle together: its wheels roll.
 
     Parameters
     ----------
-    speed, rolling : float
-        Speed of the vehicle at time 0, and that at which its wheels roll [m/s].
+    vehicle : Vehicle
+    maneuver : Maneuver
+    initial_speed : float or None
+        Speed of the vehicle at time 0 [m/s]. None: as the maneuver's wheels turn.
     flow_in_loop : bool
+
+    Returns
+    -------
+    (Maneuver, float)
+        The maneuver, its `start_speed` that of rolling wheels where it has one that was 0; and the speed [m/s].
 
     Raises
     ------
     ValueError
-        If the vehicle is to start in motion, for which the flow round it cannot be developed.
+        If the maneuver's wheels turn otherwise at time 0; or if the vehicle is to start in motion with a flow solver in
+        the loop, round which the flow cannot be developed.
     """
-    if flow_in_loop and (speed != 0.0 or rolling != 0.0):
+    radius = vehicle.wheel.radius
+    own = float(maneuver.wheel_speed(0.0)[0])
+    speed = own * radius if initial_speed is None else initial_speed
+    if flow_in_loop and speed != 0.0:
         raise ValueError(
             f"simulate.initial_speed = {speed:g} m/s: with a flow solver in the loop the water develops round a "
             "vehicle at rest; start at rest (no initial_speed, a maneuver with start_speed = 0) and ramp the wheels up."
         )
-    if abs(speed - rolling) > max(0.5 * abs(speed), 0.05):
-        logger.warning(
-            "the vehicle starts at %.3g m/s while its wheels turn as at %.3g m/s, so that they slide; for a rolling "
-            "start give the maneuver a start_speed.", speed, rolling,
-        )  # fmt: skip
+    if own == 0.0 and speed != 0.0 and "start_speed" in getattr(maneuver, "__dataclass_fields__", {}):
+        return cast(Maneuver, replace(cast(Any, maneuver), start_speed=speed / radius)), speed
+    if abs(own * radius - speed) > ROLLING * max(abs(speed), abs(own * radius)):
+        raise ValueError(
+            f"maneuver: its wheels turn at {own:.4g} rad/s at time 0 and would roll at {own * radius:.4g} m/s, but "
+            f"simulate.initial_speed = {speed:.4g} m/s; let it start at {speed / radius:.4g} rad/s, or leave "
+            "initial_speed out: the vehicle then moves as its wheels roll."
+        )
+    return maneuver, speed

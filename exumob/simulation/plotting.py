@@ -13,10 +13,12 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
+from matplotlib.text import OffsetFrom
 
+from exumob.ground.terrain import Terrain
 from exumob.simulation.water_models import NAMES
 from exumob.support.arrays import Array
-from exumob.support.figures import BODY_COLOR, STYLE, WATER_COLOR
+from exumob.support.figures import BODY_COLOR, STYLE, WATER_COLOR, footnote, legend_above_curves, trust_notes
 from exumob.vehicle.motion import WHEELS
 
 
@@ -40,6 +42,12 @@ def water_label(dataset: xr.Dataset) -> str:
     return ", ".join(dict.fromkeys([scenario_name(dataset), NAMES.get(model, model)]))
 
 
+def stored_terrain(dataset: xr.Dataset) -> Terrain:
+    """Terrain of a run, from its parameters."""
+    given = _parameters(dataset, "terrain")
+    return Terrain(**(given | {name: tuple(given[name]) for name in ("origin", "spacing") if name in given}))
+
+
 def vehicle_outlines(dataset: xr.Dataset, index: int) -> list[Array]:
     """Corners of hull and wheels seen from above at one instant, world [m]: five arrays of shape (n, 2)."""
     vehicle = _parameters(dataset, "vehicle")
@@ -60,18 +68,51 @@ def vehicle_outlines(dataset: xr.Dataset, index: int) -> list[Array]:
     return outlines
 
 
+def path_limits(dataset: xr.Dataset, instants: int = 60) -> tuple[float, float, float, float]:
+    """Smallest and largest x, smallest and largest y [m] that hull and wheels reach at any time, seen from above."""
+    rows = np.unique(np.linspace(0, dataset.sizes["time"] - 1, instants).round().astype(int))
+    corners = np.concatenate([outline for row in rows for outline in vehicle_outlines(dataset, int(row))])
+    paths = [dataset["position"].sel(body="hull").values[:, :2]]
+    if "member_position" in dataset:
+        paths += list(dataset["member_position"].values[:, :, :2])
+    points = np.concatenate([corners, *paths])
+    points = points[np.isfinite(points).all(axis=1)]
+    (x_low, y_low), (x_high, y_high) = points.min(axis=0), points.max(axis=0)
+    return float(x_low), float(x_high), float(y_low), float(y_high)
+
+
+def frame_path(axes: Axes, dataset: xr.Dataset, ratio: float = 0.0) -> None:
+    """Set the limits of axes seen from above so that the whole vehicle is in them at any time.
+
+    Parameters
+    ----------
+    axes : Axes
+    dataset : xarray.Dataset
+    ratio : float
+        Least width of the axes over their height [-]: narrow paths get more room to both sides.
+    """
+    x_low, x_high, y_low, y_high = path_limits(dataset)
+    margin = 0.05 * max(x_high - x_low, y_high - y_low)
+    height = y_high - y_low + 2.0 * margin
+    aside = max(margin, 0.5 * (ratio * height - (x_high - x_low)))
+    axes.set(xlim=(x_low - aside, x_high + aside), ylim=(y_low - margin, y_high + margin), aspect="equal")
+
+
 def plot_path(
     axes: Axes, dataset: xr.Dataset, every: float = 1.0, color: str = "C0", label: str | None = None
 ) -> list[Artist]:
     """Path of the hull's centre of mass, with the vehicle's outline every `every` seconds (0: never).
 
-    Thin lines: the members of an ensemble, if the run has them.
+    Thin lines: the members of an ensemble, if the run has them; the legend then tells them apart.
     """
     x, y = dataset["position"].sel(body="hull").values[:, :2].T
+    members = dataset["member_position"].values if "member_position" in dataset else ()
+    if len(members) and label is None:
+        label = "mean of the networks' loads"
     artists: list[Artist] = list(axes.plot(x, y, color=color, lw=1.6, label=label, zorder=3))
-    if "member_position" in dataset:
-        for member in dataset["member_position"].values:
-            artists += axes.plot(*member[:, :2].T, color="0.2", lw=0.6, zorder=4)
+    for n, member in enumerate(members):
+        alone = f"each of the {len(members)} networks alone" if n == 0 else None
+        artists += axes.plot(*member[:, :2].T, color="0.2", lw=0.6, zorder=4, label=alone)
     if every > 0.0:
         times = dataset["time"].values
         for t in np.arange(0.0, times[-1] + 1e-9, every):
@@ -124,28 +165,35 @@ def plot_water_force(axes: Axes, dataset: xr.Dataset, body: str = "hull", **styl
 
 
 def plot_run(dataset: xr.Dataset) -> Figure:
-    """One run on one page: path, speeds, yaw and steering, wheel loads, slip, water."""
+    """One run on one page: path, speeds, yaw and steering, wheel loads, slip, water; below, what it is worth."""
+    x_low, x_high, y_low, y_high = path_limits(dataset)
     with plt.rc_context(STYLE):
+        wide = (y_high - y_low) / (x_high - x_low)
+        path_height = float(np.clip(9.5 * wide, 1.6, 4.0))  # [inches]: a long path is flat, a circle is not
         figure, grid = plt.subplot_mosaic(
             [["path"] * 3, ["speed", "yaw", "slip"], ["load", "water", "power"]],
-            figsize=(11.0, 8.0),
-            height_ratios=[1.0, 1.0, 1.0],
+            figsize=(11.0, 7.2 + path_height),
+            height_ratios=[path_height, 2.6, 2.6],
             layout="constrained",
         )
         plot_path(grid["path"], dataset)
         vehicle = _parameters(dataset, "vehicle")["name"]
         soil = _parameters(dataset, "soil")["name"] or "soil"
-        grid["path"].set_title(f"{vehicle} on {soil}, {water_label(dataset)} (outline every second; circle: start)")
+        figure.suptitle(f"{vehicle} on {soil}, {water_label(dataset)}", fontsize=10, fontweight="bold")
+        grid["path"].set_title("Path; outline every second, circle: start", loc="left")
         grid["path"].plot(*dataset["position"].values[0, 0, :2], "o", color="C0", ms=4)
         draw_current(grid["path"], dataset)
-        grid["path"].margins(x=0.03, y=0.25)
+        frame_path(grid["path"], dataset, 9.8 / path_height)
+        if "member_position" in dataset:
+            grid["path"].legend(loc="lower center", bbox_to_anchor=(0.6, 1.0), ncols=2)
         plot_forward_velocity(grid["speed"], dataset, label="forward")
         plot_lateral_velocity(grid["speed"], dataset, label="lateral")
         grid["speed"].set(ylabel="velocity of the hull [m/s]", title="Speed")
         plot_yaw(grid["yaw"], dataset, label="yaw")
         steering = np.degrees(dataset["steering_angle"].values)
         for k, side in enumerate(("left", "right") if np.ptp(steering, axis=1).max() > 0.0 else ("",)):
-            grid["yaw"].plot(dataset["time"], steering[:, k], "--", lw=0.9, color=f"C{k + 1}", label=f"steering {side}")
+            label = f"steering {side}".rstrip()
+            grid["yaw"].plot(dataset["time"], steering[:, k], "--", lw=0.9, color=f"C{k + 1}", label=label)
         grid["yaw"].set(ylabel="angle [deg]", title="Heading and steering")
         for k, wheel in enumerate(WHEELS):
             slip = 100.0 * dataset["slip_ratio"].sel(wheel=wheel)
@@ -157,10 +205,15 @@ def plot_run(dataset: xr.Dataset) -> Figure:
         grid["water"].set_title("Water on the hull, body axes")
         grid["power"].plot(dataset["time"], dataset["spin_power"].sum("wheel"), color="C3", label="all wheels")
         grid["power"].set(xlabel="time [s]", ylabel="driving power [W]", title="Power")
-        for name in ("speed", "yaw", "slip", "load", "water"):
-            grid[name].margins(y=0.15)
-            grid[name].legend(ncols=2)
+        for name, columns in (("speed", 2), ("yaw", 3), ("slip", 2), ("load", 2), ("water", 3), ("power", 1)):
+            legend_above_curves(grid[name], columns, LEAST_RANGES[name])
+        footnote(figure, *trust_notes([dataset]))
     return figure
+
+
+LEAST_RANGES = {"speed": 0.1, "yaw": 2.0, "slip": 5.0, "load": 10.0, "water": 5.0, "power": 2.0}
+"""Smallest vertical range of the panels of `plot_run`, in their units: of a vehicle that stands nothing is shown large.
+"""
 
 
 def compare_runs(runs: Mapping[str, xr.Dataset]) -> Figure:
@@ -193,25 +246,30 @@ def compare_runs(runs: Mapping[str, xr.Dataset]) -> Figure:
         grid["yaw"].set_title("Yaw")
         grid["load"].set(title="Wheel load", xlabel="time [s]", ylabel="soil reaction, four wheels [N]")
         grid["water"].set(title="Water on the hull", xlabel="time [s]", ylabel="horizontal force [N]")
-        grid["path"].legend(loc="upper left", ncols=len(runs))
-        grid["path"].margins(y=0.25)
+        grid["path"].margins(x=0.03, y=0.1)
+        grid["path"].autoscale_view()
+        handles, labels = grid["lateral"].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=min(len(runs), 6))
+        footnote(figure, *trust_notes(runs.values()))
     return figure
 
 
 def draw_current(axes: Axes, dataset: xr.Dataset) -> None:
-    """Draw an arrow where the current flows to, with its speed; nothing in still water."""
+    """Draw an arrow where the current flows to, with its speed, above the right end of the axes.
+
+    Nothing is drawn in still water. The axes lie in the world's x and y.
+    """
     water = _parameters(dataset, "water")
     if water and water["current_speed"] > 0.0:
-        direction = np.array([np.cos(water["current_direction"]), np.sin(water["current_direction"])])
-        tip = 0.08 * direction
+        tip = 11.0 * np.array([np.cos(water["current_direction"]), np.sin(water["current_direction"])])  # [points]
+        middle = np.array([-13.0, 13.0])
+        corner = OffsetFrom(axes.patch, (1.0, 1.0), "points")
         axes.annotate(
-            "",
-            xy=(0.93 + tip[0], 0.85 + tip[1]),
-            xytext=(0.93, 0.85),
-            xycoords="axes fraction",
-            arrowprops={"arrowstyle": "-|>", "color": WATER_COLOR, "lw": 2},
-        )
-        axes.text(
-            0.93, 0.92, f"current {water['current_speed']:g} m/s", transform=axes.transAxes, color=WATER_COLOR,
-            ha="center", fontsize=8,
+            "", xy=tuple(middle + tip), xytext=tuple(middle - tip), xycoords=corner, textcoords=corner,
+            arrowprops={"arrowstyle": "-|>", "color": WATER_COLOR, "lw": 2, "shrinkA": 0, "shrinkB": 0},
+            annotation_clip=False,
+        )  # fmt: skip
+        axes.annotate(
+            f"current {water['current_speed']:g} m/s", xy=(1.0, 1.0), xycoords="axes fraction", xytext=(-29.0, 13.0),
+            textcoords="offset points", color=WATER_COLOR, ha="right", va="center", fontsize=8,
         )  # fmt: skip

@@ -11,6 +11,8 @@ from exumob.multibody.energy_account import WORK_KINDS
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.description import RunDescription
 from exumob.simulation.over_ground import keel_clearance, outside_terrain
+from exumob.simulation.summary import range_shares
+from exumob.simulation.trust import trust_of
 from exumob.simulation.verdict import judge, with_verdict
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
@@ -175,6 +177,7 @@ def build_dataset(
         "coupling": type(run.coupling).__name__,
         "parameters": parameters_json(run.parts()),
         **wall_times,
+        **trust_of(run, *range_shares(dataset).values()).attributes(),
         **({"cause": cause} if cause else {}),
         **mesh_provenance(vehicle.hull),
     }

@@ -20,7 +20,7 @@ from exumob.multibody.applied_loads import vehicle_loads
 from exumob.multibody.settling import SETTLING_STEP, Start
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.checkpoint import Checkpoints, Fingerprint
-from exumob.simulation.checks import check_described, check_initial_speed, check_maneuver, check_steps
+from exumob.simulation.checks import check_described, check_maneuver, check_steps, rolling_start
 from exumob.simulation.cost import prepare
 from exumob.simulation.description import RunDescription, Steps
 from exumob.simulation.over_ground import check_start_on_terrain, warn_of_ground
@@ -33,16 +33,13 @@ from exumob.support.arrays import Array
 from exumob.support.compiled import say_compilation
 from exumob.support.declared import checked
 from exumob.support.errors import SimulationError, SimulationInterrupted
-from exumob.support.quantities import STEP, Quantity
+from exumob.support.quantities import INITIAL_SPEED, STEP
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics, SpinUpHydrodynamics
 
 logger = logging.getLogger(__name__)
-
-INITIAL_SPEED = Quantity("m/s", at_least=-100.0, at_most=100.0, plausible=(-30.0, 30.0))
-"""Speed of the vehicle at time 0"""
 
 
 @checked
@@ -93,8 +90,9 @@ def simulate(  # one argument a part of the run; all but two have defaults
     terrain : Terrain, optional
         Default: flat at z = 0.
     initial_speed : float, optional
-        Speed at time 0 along the heading [m/s]. Default: the vehicle rolls as its wheels turn when the maneuver begins
-        (``LaneChange(start_speed=10.0)``), so it is at rest if they are. Not with a flow solver in the loop.
+        Speed at time 0 along the heading [m/s], all wheels rolling: the maneuver's wheel speed starts there, its
+        ``start_speed`` is set; one that has none must fit. Default: as its wheels turn, so at rest if they do not turn.
+        Not with a flow solver in the loop.
     coupling : Coupling, optional
         How vehicle and water agree within a macro step. Default: `SemiImplicit` for a flow code, `Explicit` (the
         paper's) for models that take account of added mass themselves.
@@ -139,9 +137,7 @@ def simulate(  # one argument a part of the run; all but two have defaults
         )
     check_start_on_terrain(vehicle, terrain)
     commands = check_maneuver(vehicle, maneuver, duration)
-    rolling = maneuver.wheel_speed(0.0)[0] * vehicle.wheel.radius
-    speed = rolling if initial_speed is None else initial_speed
-    check_initial_speed(speed, rolling, in_loop)
+    maneuver, speed = rolling_start(vehicle, maneuver, initial_speed, in_loop)
     run = RunDescription(
         vehicle, soil, water, terrain, maneuver, hydrodynamics,
         (SemiImplicit() if in_loop else Explicit()) if coupling is None else coupling, steps, speed,
@@ -221,24 +217,31 @@ def _settle(model: MultibodyVehicle, run: RunDescription, store: Checkpoints | N
         begun = None if store is None else store.spin_up
         hydrodynamics.run_spin_up(run.vehicle, run.water, run.steps.macro_step, settle, keep, begun)
         return
-    hydrodynamics.start(run.vehicle, run.water, SETTLING_STEP)
-    _say_start(
-        run, model.settle(lambda states: checked_wrenches(hydrodynamics, states, lambda: states), run.initial_speed)
-    )
+
+    def load(states: BodyStates) -> Array:
+        if states.time[-1] == 0.0:  # the search begins, or begins anew
+            hydrodynamics.start(run.vehicle, run.water, SETTLING_STEP)
+        return checked_wrenches(hydrodynamics, states, lambda: states)
+
+    start = model.settle(load, run.initial_speed)
+    _say_start(run, model, start)
 
 
-def _say_start(run: RunDescription, start: Start) -> None:
+def _say_start(run: RunDescription, model: MultibodyVehicle, start: Start) -> None:
     """Warn of a vehicle that does not stand where it starts."""
     name, speed = run.vehicle.name, start.speed
     if start.kind == "creeping":
         logger.warning(
-            "%s: the soil holds the vehicle only by creep (about %.1f mm/s); it is released as it creeps.", name,
-            1e3 * speed,
+            "%s: the soil holds the vehicle only by creep (about %.1f mm/s; from %.1f mm/s on it slides); it is "
+            "released as it creeps.", name, 1e3 * speed, 1e3 * model.slowest_slide,
         )  # fmt: skip
     elif start.kind == "sliding":
         logger.warning(
-            "%s: soil and water do not hold the vehicle; it is released at rest and moves off at once.", name
-        )
+            "%s: soil and water do not hold the vehicle (its locked wheels slide); it is held until it is released at "
+            "rest, and moves off at once.", name,
+        )  # fmt: skip
+    elif start.kind == "afloat":
+        logger.warning("%s: it is afloat; it is held in its place until it is released at rest.", name)
     elif start.kind == "out of balance":
         logger.warning(
             "%s: no equilibrium of height and attitude was found (%.2g m/s^2 are left); it is released all the same. "

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from exumob.support.declared import checked
+from exumob.support.quantities import shown
 
 DURATION = 8.0
 """Simulated time of a run [s]: that of the paper's lane change."""
@@ -62,5 +63,5 @@ def setting_named(name: str) -> Setting:
         If no setting has this name.
     """
     if name not in SETTINGS:
-        raise ValueError(f"setting = {name!r} is not known; use {' or '.join(map(repr, SETTINGS))}.")
+        raise ValueError(f"setting = {shown(name)} is not known; use {' or '.join(map(repr, SETTINGS))}.")
     return SETTINGS[name]

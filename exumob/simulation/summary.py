@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.simulation.verdict import verdict_of
+from exumob.support.declared import checked
 
 FIGURES: dict[str, tuple[str, str]] = {
     # name: (unit, meaning)
@@ -33,6 +34,7 @@ FIGURES: dict[str, tuple[str, str]] = {
 """Unit and meaning of each figure of `summary`."""
 
 
+@checked
 def summary(dataset: xr.Dataset) -> dict[str, Any]:
     """Compute the key figures of a run; `FIGURES` holds their units.
 
@@ -51,7 +53,16 @@ def summary(dataset: xr.Dataset) -> dict[str, Any]:
           range; fallback_share [-], the share of the coefficient model in the loads, mean over time and bodies;
         - with members (`exumob.simulation.ensemble.add_members`): members [-], those that arrived; forward_spread,
           lateral_spread [m] and yaw_spread [rad], standard deviations of their final positions and headings.
+
+    Raises
+    ------
+    ValueError
+        If the dataset is no result of `exumob.simulate`.
     """
+    needed = ("position", "velocity", "yaw", "slip_ratio", "gravity_load", "water_load", "work")
+    missing = [name for name in needed if name not in dataset] + [n for n in ("wall_time",) if n not in dataset.attrs]
+    if missing or dataset["time"].size == 0:
+        raise ValueError(f"summary: the dataset has no {', '.join(missing) or 'instants'}; give a result of simulate.")
     hull = dataset.sel(body="hull")
     path = hull["position"].sel(axis=["x", "y"]).values
     end = float(dataset["time"][-1])
@@ -75,12 +86,13 @@ def summary(dataset: xr.Dataset) -> dict[str, Any]:
         "spin_energy": float(dataset["work"].sel(work_kind="spin")[-1]),
         "wall_time": wall,
         "real_time_factor": end / wall if wall > 0.0 else float("inf"),
-        **_range_shares(dataset),
+        **range_shares(dataset),
         **_member_spreads(dataset),
     }
 
 
-def _range_shares(dataset: xr.Dataset) -> dict[str, float]:
+def range_shares(dataset: xr.Dataset) -> dict[str, float]:
+    """Return ``out_of_range_share`` and ``fallback_share`` of a run with networks (see `summary`); else nothing."""
     if "hydrodynamics_out_of_range" not in dataset:
         return {}
     return {

@@ -48,10 +48,12 @@ VERDICTS: dict[str, str] = CONDITIONS | {
 }
 """All verdicts, worst first, with their meaning."""
 
-NEEDED = (
-    "position", "yaw", "pitch", "roll", "forward_velocity", "lateral_velocity", "wheel_speed", "sinkage", "soil_force",
-)  # fmt: skip
-"""Variables of a run without which there is no verdict."""
+NEEDED: dict[str, tuple[str, ...]] = {
+    "position": ("time", "body", "axis"), "yaw": ("time", "body"), "pitch": ("time", "body"), "roll": ("time", "body"),
+    "forward_velocity": ("time",), "lateral_velocity": ("time",), "wheel_speed": ("time", "wheel"),
+    "sinkage": ("time", "wheel"), "soil_force": ("time", "wheel", "axis"),
+}  # fmt: skip
+"""Variables of a run without which there is no verdict, with their dimensions."""
 
 
 SHARE = Quantity("1", at_least=0.0, at_most=1.0)
@@ -212,9 +214,21 @@ def judge(run: xr.Dataset, limits: VerdictLimits | None = None, vehicle: Vehicle
         missing.append("water_load")
     if missing:
         raise ValueError(f"judge: the run has no {', '.join(missing)}; a verdict needs what `simulate` records.")
-    water = next(iter((_parameters(run).get("water") or {"": None}).values()))
-    depth = 0.0 if water is None else float(water["depth"])
-    return _judged(run, limits, _dimensions(run, vehicle), depth)
+    for name, dims in NEEDED.items():
+        if run[name].dims != dims:
+            raise ValueError(f"judge: {name} has the dimensions {run[name].dims}; `simulate` gives it {dims}.")
+    time = run["time"].values
+    if len(time) == 0 or "time" not in run.coords or not (np.diff(time) > 0.0).all():
+        raise ValueError("judge: the times of the run must increase, from one instant at least.")
+    if "hull" not in run["body"].values or not {"x", "y", "z"} <= set(run["axis"].values.tolist()):
+        raise ValueError("judge: the run must name its bodies (hull, front_left, ...) and axes (x, y, z).")
+    size = _dimensions(run, vehicle)
+    try:
+        water = next(iter((_parameters(run).get("water") or {"": None}).values()))
+        depth = 0.0 if water is None else float(water["depth"])
+    except (KeyError, TypeError, AttributeError):
+        raise ValueError("judge: the run's attribute parameters does not describe its water.") from None
+    return _judged(run, limits, size, depth)
 
 
 def wheel_load_share(run: xr.Dataset, vehicle: Vehicle | None = None) -> Array:
@@ -232,7 +246,12 @@ def wheel_load_share(run: xr.Dataset, vehicle: Vehicle | None = None) -> Array:
 
 
 def _parameters(run: xr.Dataset) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(run.attrs.get("parameters", "{}"))
+    try:
+        found = json.loads(run.attrs.get("parameters", "{}"))
+    except (ValueError, TypeError):
+        found = None
+    if not isinstance(found, dict):
+        raise ValueError("judge: the run's attribute parameters is no JSON text of its parts; it was changed.")
     return found
 
 
@@ -242,7 +261,12 @@ def _dimensions(run: xr.Dataset, vehicle: Vehicle | None) -> _Dimensions:
     stored = _parameters(run).get("vehicle")
     if stored is None:
         raise ValueError("judge: the run does not hold its vehicle; give vehicle=...")
-    return _Dimensions.of(next(iter(stored.values())))
+    try:
+        return _Dimensions.of(next(iter(stored.values())))
+    except (KeyError, TypeError, AttributeError, StopIteration, ZeroDivisionError):
+        raise ValueError(
+            "judge: the run's attribute parameters does not describe its vehicle; give vehicle=..."
+        ) from None
 
 
 def _judged(run: xr.Dataset, limits: VerdictLimits, size: _Dimensions, depth: float) -> Verdict:
@@ -326,8 +350,8 @@ def with_verdict(run: xr.Dataset, verdict: Verdict) -> xr.Dataset:
 
 def verdict_of(run: xr.Dataset) -> Verdict | None:
     """Return the verdict that a run carries, or judge it; None if it holds too little for a verdict."""
-    if "verdict" in run.attrs:
-        attrs = run.attrs
+    attrs = run.attrs
+    if {"verdict", "verdict_since", "verdict_until", "verdict_sentence"} <= set(attrs):
         return Verdict(
             attrs["verdict"], float(attrs["verdict_since"]), float(attrs["verdict_until"]), attrs["verdict_sentence"]
         )

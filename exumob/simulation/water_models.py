@@ -7,6 +7,8 @@ import logging
 from collections.abc import Sequence
 from pathlib import Path
 
+from exumob.simulation.trust import coefficients_off, measured_vehicle, shape_differences
+from exumob.support.declared import checked
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
 from exumob.vehicle.parameters import Vehicle
@@ -15,6 +17,9 @@ from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics, NoWater
 
 logger = logging.getLogger(__name__)
+
+NAMED_DIFFERENCES = 2
+"""Number of differences between a vehicle and the networks' that a message names."""
 
 MODELS = ("auto", "networks", "coefficients", "none")
 """Names of the models; ``"auto"`` takes networks where they fit the vehicle."""
@@ -28,6 +33,7 @@ NAMES = {
 """Names of the classes of models for people; a result keeps the name of the class."""
 
 
+@checked
 def hydrodynamics_named(
     name: str,
     vehicle: Vehicle,
@@ -63,15 +69,28 @@ def hydrodynamics_named(
     if name == "coefficients":
         return CoefficientHydrodynamics(coefficients)
     model = SurrogateHydrodynamics(list(networks) if networks else None)
-    try:
+    if networks:
         for network in model.networks:
             network.check_vehicle(vehicle)
-    except ValueError as error:
-        if name == "networks" or networks:
-            raise
-        _warn_once(f"{vehicle.name}: the loads of the water come from published coefficients. Reason: {error}")
-        return CoefficientHydrodynamics(coefficients)
-    return model
+        return model
+    differences = shape_differences(vehicle, model.networks[0].about["geometry"])
+    if not differences:
+        return model
+    shown = "; ".join(differences[:NAMED_DIFFERENCES])
+    if len(differences) > NAMED_DIFFERENCES:
+        shown += f"; and {len(differences) - NAMED_DIFFERENCES} more"
+    if name == "networks":
+        raise ValueError(
+            f"hydrodynamics = 'networks': the networks that come with exumob were trained for the {measured_vehicle()} "
+            f"vehicle, and {vehicle.name} has another shape ({shown}). Give networks trained for it (exumob train), or "
+            "take 'coefficients' or the flow in the loop."
+        )
+    _warn_once(
+        f"{vehicle.name}: no networks know this vehicle ({shown}), so the loads of the water come from published "
+        f"coefficients. How far they are off here is not known; the {measured_vehicle()} vehicle, for which that was "
+        f"measured, ended {coefficients_off()}."
+    )
+    return CoefficientHydrodynamics(coefficients)
 
 
 @functools.cache

@@ -48,7 +48,7 @@ def checked_array(name: str, value: Any, shape: tuple[int | str, ...], *, finite
             found = np.asarray(value)
             if isinstance(value, list | tuple) and found.dtype.kind not in "fiu" and found.size == 0:
                 found = found.astype(float)
-        except (ValueError, TypeError, OverflowError, RuntimeError) as error:
+        except Exception as error:  # a foreign object may raise anything when it is asked for its numbers
             raise ValueError(f"{name} is no array ({error}); give numbers in rows of equal length, {wanted}.") from None
         if found.dtype.kind not in "fiu":
             raise ValueError(
@@ -86,9 +86,16 @@ def _refuse_hidden(name: str, value: Any, depth: int = 5) -> None:
         for k, part in enumerate(value):
             if type(part) is not float and type(part) is not int:  # most are
                 _refuse_hidden(f"{name}[{k}]", part, depth - 1)
-    elif hasattr(value, "magnitude") or (isinstance(value, np.ndarray) and hasattr(value, "unit")):
+    elif _answers_to(value, "magnitude") or (isinstance(value, np.ndarray) and _answers_to(value, "unit")):
         unit = getattr(value, "units", None) or getattr(value, "unit", None)
         raise ValueError(f"{name} has a unit of its own ({unit}); give plain numbers in SI units.")
+
+
+def _answers_to(value: Any, name: str) -> bool:
+    try:
+        return hasattr(value, name)
+    except Exception:  # a foreign __getattr__ may do anything
+        return False
 
 
 def _which(marks: NDArray[np.bool_], fault: str, first: object = None) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import os
 import shutil
+import sys
 import tempfile
 from pathlib import Path
 
@@ -20,10 +21,17 @@ def provide_cache() -> None:
     containers and clusters often have neither. The folder is made anew, for this user alone, and removed at the end;
     set ``NUMBA_CACHE_DIR`` to keep the kernels from run to run.
     """
-    if os.environ.get(VARIABLE) or _sources_writable() or _home_writable():
+    given = os.environ.get(VARIABLE)
+    if (given and _writable(Path(given))) or _sources_writable() or _home_writable():
         return
     folder = tempfile.mkdtemp(prefix="exumob-kernels-")  # mode 0700
     os.environ[VARIABLE] = folder
+    numba = sys.modules.get("numba")
+    if numba is not None:  # it has read its settings already
+        numba.config.CACHE_DIR = folder
+    settings = os.environ.get("XDG_CONFIG_HOME") or os.path.expanduser("~/.config")
+    if "MPLCONFIGDIR" not in os.environ and not (os.path.isabs(settings) and _writable(Path(settings) / "matplotlib")):
+        os.environ["MPLCONFIGDIR"] = tempfile.mkdtemp(dir=folder)  # matplotlib would warn at each start
     owner = os.getpid()
 
     def remove() -> None:
@@ -51,6 +59,9 @@ def _home_writable() -> bool:
 def _writable(folder: Path) -> bool:
     """Tell if a folder can be written, or made."""
     for place in (folder, *folder.parents):
-        if place.exists():
-            return place.is_dir() and os.access(place, os.W_OK | os.X_OK)
+        try:
+            if place.exists():
+                return place.is_dir() and os.access(place, os.W_OK | os.X_OK)
+        except OSError:  # within a folder that may not be entered
+            return False
     return False

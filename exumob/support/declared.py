@@ -200,7 +200,8 @@ def _kind_of(hint: Any, quantity: Quantity | None) -> _Kind:
             return _either([_array(own), _kind_of(type(None), None)]) if optional else _array(own)
         return _kind_of(inner[0], own)
     if origin in (typing.Union, types.UnionType):
-        return _either([_kind_of(part, quantity) for part in inner])
+        some = [part for part in inner if not (part is str and Path in inner)]  # a text is the name of a file
+        return _either([_kind_of(part, quantity) for part in some]) if len(some) > 1 else _kind_of(some[0], quantity)
     if hint is Any or hint is object or isinstance(hint, TypeVar):
         return _Kind(lambda value: True, lambda name, value: value, "anything")
     if hint is float:
@@ -313,11 +314,19 @@ def _path() -> _Kind:
         return isinstance(value, str | os.PathLike)
 
     def check(name: str, value: Any) -> Path:
-        if not fits(value) or isinstance(os.fspath(value), bytes):
+        try:
+            text = os.fspath(value) if fits(value) else b""
+        except Exception:  # a foreign __fspath__ may do anything
+            text = b""
+        if isinstance(text, bytes):
             raise _refused(name, value, "the path of a file")
-        if "\0" in os.fspath(value) or not os.fspath(value):
+        try:
+            usable = bool(text) and b"\0" not in os.fsencode(text)
+        except UnicodeEncodeError:
+            usable = False
+        if not usable:
             raise ValueError(f"{name} = {shown(value)} is not the path of a file; give its name.")
-        return Path(value)
+        return Path(text)
 
     return _Kind(fits, check, "the path of a file")
 
@@ -396,7 +405,7 @@ def _protocol(owner: type) -> _Kind:
     members = sorted(name for base in owner.__mro__ for name in _members(base))
 
     def missing(value: Any) -> list[str]:
-        return [name for name in members if not hasattr(value, name)]
+        return [name for name in members if not _has(value, name)]
 
     def check(name: str, value: Any) -> Any:
         if isinstance(value, type) and not missing(value):
@@ -410,6 +419,13 @@ def _protocol(owner: type) -> _Kind:
         return value
 
     return _Kind(lambda value: not isinstance(value, type) and not missing(value), check, f"a {owner.__name__}")
+
+
+def _has(value: Any, name: str) -> bool:
+    try:
+        return hasattr(value, name)
+    except Exception:  # a property that cannot be read yet, or a foreign __getattr__, which may do anything
+        return inspect.getattr_static(value, name, None) is not None
 
 
 def _members(base: type) -> set[str]:

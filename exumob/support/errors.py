@@ -21,7 +21,7 @@ class SimulationError(RuntimeError):
     """State of the flow solver before the step that failed, for `exumob.flow.FlowSolver.restore`"""
     cause: str
     """What befell the vehicle, a word of `exumob.simulation.verdict.CONDITIONS`: ``"sunk"`` if a wheel sank to its
-    centre; else empty"""
+    centre, ``"tipped"`` if the vehicle fell over before the start; else empty"""
 
 
 class SimulationInterrupted(KeyboardInterrupt):

@@ -1,17 +1,27 @@
-"""Places of the package's own files, and the writing of files whole or not at all."""
+"""Places of the package's own files, the writing of files whole or not at all, and the reading of netCDF."""
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import hashlib
 import os
 import secrets
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 PACKAGE = Path(__file__).parents[1]
 """The folder `exumob` of this installation."""
+SEAL = b"\nexumob sha256 "
+"""Begin of the last line of a sealed file; the digest of all bytes before it follows, in hexadecimal digits."""
+SEAL_LENGTH = len(SEAL) + 64
+"""Length of that line [bytes]."""
 
 
 @contextmanager
@@ -19,9 +29,10 @@ def atomic_write(file: str | Path) -> Iterator[Path]:
     """Give a temporary path to write to, which replaces `file` when the block ends without an error.
 
     A reader sees the old content or the new one, never a part of it, even if the process is killed or the machine
-    loses power: the temporary file lies in the same folder, reaches the disk first and is then renamed. Its name cannot
-    be guessed and it is made anew, so that nobody can plant a link there; it ends in ``.partial``. After an error
-    `file` is as it was, and the temporary file is gone.
+    loses power: the temporary file lies in the same folder, reaches the disk first and is then renamed. It is new, and
+    its name, ``.NAME.RANDOM.partial``, is drawn at random: nobody can put a link in its place beforehand, and processes
+    that write the same file do not disturb each other. After an error `file` is as it was, and the temporary file is
+    gone; only a process that is killed leaves one behind, which may be deleted.
 
     Parameters
     ----------
@@ -31,7 +42,7 @@ def atomic_write(file: str | Path) -> Iterator[Path]:
     Yields
     ------
     Path
-        The path that the block must write to.
+        The path that the block must write to; an empty file is there already.
 
     Raises
     ------
@@ -44,18 +55,22 @@ def atomic_write(file: str | Path) -> Iterator[Path]:
     ...     temporary.write_text(json.dumps(table))
     """
     path = Path(file)
-    temporary = path.with_name(f".{path.name[:200]}.{secrets.token_hex(8)}.partial")
-    flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_NOFOLLOW", 0)
-    os.close(os.open(temporary, flags, 0o666))  # less what the user's mask takes away
+    temporary = path.with_name(f".{path.name[:40]}.{secrets.token_hex(8)}.partial")
+    flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
+    try:
+        os.close(os.open(temporary, flags, 0o666))  # less what the umask takes away
+    except FileNotFoundError:
+        raise FileNotFoundError(errno.ENOENT, "the folder does not exist; create it first", str(path)) from None
     try:
         yield temporary
         with temporary.open("r+b") as stream:  # open for writing: some systems flush no other
             if os.fstat(stream.fileno()).st_size == 0:
-                raise OSError(errno.EIO, "nothing was written", str(path))
+                raise FileNotFoundError(errno.ENODATA, "nothing was written", str(path))
             os.fsync(stream.fileno())
         temporary.replace(path)
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # it must not hide the first error
+            temporary.unlink(missing_ok=True)
 
 
 def require_writable(file: str | Path, size: int = 1 << 16) -> None:
@@ -83,3 +98,93 @@ def require_writable(file: str | Path, size: int = 1 << 16) -> None:
         raise ValueError(
             f"{path} cannot be written: {error.strerror or error}; give a folder with room in which you may write."
         ) from None
+
+
+# -- netCDF ------------------------------------------------------------------------------------------------------------
+
+
+def sealed(data: bytes) -> bytes:
+    """Return the content of a file with its seal: a last line that holds the digest of what precedes it.
+
+    The readers of HDF5 and netCDF do not look beyond the end that the file itself states, and so do not see the line.
+    """
+    return data + SEAL + hashlib.sha256(data).hexdigest().encode()
+
+
+def read_netcdf(file: str | Path, needed: Iterable[str] = (), *, decode_times: bool = True) -> xr.Dataset:
+    """Read a netCDF-4 file into memory: the one reader for all of exumob.
+
+    Parameters
+    ----------
+    file : path
+    needed : iterable of str
+        Names of variables, coordinates or attributes that the file must hold.
+    decode_times : bool
+        Whether variables with a unit such as "days since 2000-01-01" become dates.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is not a netCDF-4 file, is cut off, was damaged since it was written, or lacks what is needed; the message
+        names the file.
+    OSError
+        If the file may not be read.
+    """
+    import h5py
+    import xarray as xr
+
+    path = Path(file)
+    if path.is_dir():
+        raise ValueError(f"{path} is a folder; give a netCDF file (.nc).")
+    if not path.exists():
+        raise FileNotFoundError(f"{path} does not exist; give the name of a netCDF file (.nc).")
+    _check_seal(path)
+    try:
+        with h5py.File(path, "r"):  # a file that h5netcdf cannot open makes it complain when it is deleted
+            pass
+        with xr.open_dataset(path, engine="h5netcdf", decode_times=decode_times) as opened:
+            found = opened.load()
+    except PermissionError:
+        raise
+    except Exception as error:  # h5py, h5netcdf and xarray raise a dozen kinds, for whatever is wrong inside
+        what = str(error).strip().splitlines() or [type(error).__name__]
+        raise ValueError(
+            f"{path} cannot be read as netCDF-4 ({type(error).__name__}: {what[0][:200]}); it is cut off, damaged or "
+            "of another kind. Use a whole copy, or make it anew."
+        ) from None
+    missing = [name for name in needed if name not in found.variables and name not in found.attrs]
+    if missing:
+        raise ValueError(
+            f"{path} holds no {', no '.join(missing)}; it is not the file that is needed here, or was written by "
+            "another program. Look at its name."
+        )
+    return found
+
+
+def _check_seal(path: Path) -> None:
+    """Raise ValueError if a file is not what was sealed; files without a seal pass."""
+    with path.open("rb") as stream:
+        stream.seek(0, os.SEEK_END)
+        length = stream.tell() - SEAL_LENGTH
+        if length < 0:
+            return
+        stream.seek(length)
+        line = stream.read()
+        if not line.startswith(SEAL):
+            return
+        stream.seek(0)
+        digest = hashlib.sha256()
+        while length > 0 and (part := stream.read(min(length, 1 << 20))):
+            digest.update(part)
+            length -= len(part)
+    if digest.hexdigest().encode() != line[len(SEAL) :]:
+        raise ValueError(
+            f"{path} is damaged, or was edited in place: it is not what was written (the checksum in its last line "
+            "differs). Use a whole copy, or make it anew; what was edited on purpose must be written anew with xarray."
+        )

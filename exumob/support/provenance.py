@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import functools
 import json
 import shutil
 import subprocess
@@ -18,13 +19,9 @@ from exumob.support.files import PACKAGE
 
 def provenance() -> dict[str, str]:
     """Return the versions, the git revision and the date of this computation."""
-    try:
-        version = metadata.version("exumob")
-    except metadata.PackageNotFoundError:
-        version = "not installed"
     return {
-        "exumob_version": version,
-        "exudyn_version": metadata.version("exudyn"),
+        "exumob_version": package_version(),
+        "exudyn_version": _version("exudyn"),
         "numpy_version": np.__version__,
         "git_revision": _git_revision(),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
@@ -32,9 +29,23 @@ def provenance() -> dict[str, str]:
     }
 
 
+@functools.cache
+def package_version() -> str:
+    """Return the version of exumob; ``"not installed"`` where only its folder is on the path."""
+    try:
+        return metadata.version("exumob")
+    except metadata.PackageNotFoundError:
+        return "not installed"
+
+
+@functools.cache
+def _version(package: str) -> str:
+    return metadata.version(package)
+
+
 def versions() -> dict[str, str]:
     """Return the versions of the packages on which the bits of a result depend."""
-    return {name: metadata.version(name) for name in ("exudyn", "numpy", "scipy", "numba")}
+    return {name: _version(name) for name in ("exudyn", "numpy", "scipy", "numba")}
 
 
 def parameters_json(parameters: dict[str, Any]) -> str:
@@ -46,6 +57,7 @@ def parameters_json(parameters: dict[str, Any]) -> str:
     return json.dumps(parameters, default=_plain)
 
 
+@functools.cache  # the code of a process is that of its start
 def _git_revision() -> str:
     git = shutil.which("git")
     root = PACKAGE.parent

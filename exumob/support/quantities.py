@@ -81,7 +81,7 @@ def unusual(value: float) -> float:
     """
     try:
         number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
-    except (OverflowError, ValueError, TypeError):
+    except Exception:  # too large, or a foreign __float__, which may do anything
         number = math.nan
     if math.isnan(number):
         raise ValueError(f"unusual.value = {shown(value)} is not a number; give one, in SI units.")
@@ -177,7 +177,7 @@ class Quantity:
         if isinstance(value, Real) and not isinstance(value, bool):
             try:
                 number = value if isinstance(value, Unusual) else float(value)
-            except (OverflowError, ValueError, TypeError):
+            except Exception:  # too large, or a foreign __float__, which may do anything
                 number = math.nan
         if not math.isfinite(number) and not (self.infinite and math.isinf(number) and self.within_bounds(number)):
             wanted = f"a number{f' in {self.symbol}' if self.symbol else ''}{f', {self.bounds}' if self.bounds else ''}"
@@ -190,8 +190,8 @@ class Quantity:
             if not low <= number <= high:
                 likely = self.likely_unit(number)
                 raise ImplausibleValue(
-                    f"{name} = {self._exact(number)} is outside the plausible range, {low:.6g} to {self.text(high)}; "
-                    f"{likely + ' ' if likely else ''}If it is meant: unusual({number!r}) in Python, --unusual at "
+                    f"{name} = {self._exact(number)} is outside the plausible range, {low:.6g} to {self.text(high)}"
+                    f"{'; ' + likely if likely else '.'} If it is meant: unusual({number!r}) in Python, --unusual at "
                     "the command line."
                 )
         return number
@@ -219,15 +219,25 @@ DEPTH = Quantity("m", above=0.0, at_most=1e4, plausible=(1e-3, 50.0))
 DEPTH_RATIO = Quantity("1", above=0.0, at_most=1e4, plausible=(0.01, 50.0))
 """Depth of water over the tyre's diameter"""
 CURRENT_SPEED = Quantity(
-    "m/s", at_least=0.0, at_most=100.0, plausible=(1e-3, 15.0), remedy="turn the flow with its direction."
+    "m/s", at_least=0.0, at_most=100.0, plausible=(0.0, 15.0), remedy="turn the flow with its direction."
 )  # fmt: skip
 """Speed of a current over ground"""
 DIRECTION = Quantity("rad", plausible=(-2.0 * math.pi, 2.0 * math.pi))
 """Direction, counter-clockwise from world x"""
-DURATION = Quantity("s", above=0.0, at_most=1e6)
+SHORTEST = 1e-9
+"""Shortest time that means anything [s]"""
+DURATION = Quantity("s", at_least=SHORTEST, at_most=1e6)
 """Simulated time"""
-STEP = Quantity("s", above=0.0, at_most=1e6)
+STEP = Quantity("s", at_least=SHORTEST, at_most=1e6)
 """Step of time"""
+INITIAL_SPEED = Quantity("m/s", at_least=-100.0, at_most=100.0, plausible=(-30.0, 30.0))
+"""Speed of the vehicle at time 0, along its heading"""
+CELL_SIZE = Quantity("m", above=0.0, at_most=1e4, plausible=(1e-6, 1.0))
+"""Width of the flow solver's cells"""
+STEERING_ANGLE = Quantity("rad", at_least=-math.radians(80.0), at_most=math.radians(80.0))
+"""Angle of the front wheels, positive to the left"""
+WHEEL_SPEED = Quantity("rad/s", at_least=-1e4, at_most=1e4, plausible=(-500.0, 500.0))
+"""Spin of the wheels, positive forward"""
 
 
 def shown(value: object, length: int = 60) -> str:

@@ -19,6 +19,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
+from exumob.support.declared import checked
 from exumob.surrogates.inputs import network_inputs
 from exumob.surrogates.networks import SAMPLING, TRAINED_DENSITY, Architecture, NetworkSet, window_rows
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
@@ -56,10 +57,13 @@ class SurrogateHydrodynamics:
         If a file holds no networks; at `start`, if they were trained for another vehicle.
     """
 
+    @checked
     def __init__(
-        self, networks: NetworkSet | str | Path | Sequence[NetworkSet | str | Path] | None = None, *,
+        self,
+        networks: NetworkSet | str | Path | Sequence[NetworkSet | str | Path] | None = None,
+        *,
         fallback: bool = True,
-    ) -> None:  # fmt: skip
+    ) -> None:
         given = shipped_networks() if networks is None else networks
         if isinstance(given, NetworkSet | str | Path):
             given = [given]

@@ -77,6 +77,11 @@ class Architecture(Declared):
         unknown = [name for name in self.inputs if name not in INPUTS]
         if unknown or not self.inputs:
             raise ValueError(f"Architecture.inputs: {unknown or 'nothing'} is not known; use {', '.join(INPUTS)}.")
+        if len(set(self.inputs)) < len(self.inputs):
+            raise ValueError(f"Architecture.inputs = {', '.join(self.inputs)}: one stands twice; leave it out once.")
+        terms = math.comb(len(self.inputs) + self.degree, self.degree)
+        if self.layer == "polynomial" and terms > 20_000:
+            raise ValueError(f"Architecture.degree = {self.degree} makes {terms} terms; give a lower one.")
         if self.layer == "polynomial" and self.taps != 1:
             raise ValueError(f"Architecture.taps = {self.taps}: a polynomial is quasi-steady; use 1.")
 
@@ -130,9 +135,11 @@ class NetworkSet:
 
     def check_vehicle(self, vehicle: Vehicle) -> None:
         """Raise ValueError if the vehicle differs in shape (`GEOMETRY`) from the one of the training runs."""
+        own = geometry(vehicle)
         for name, trained in self.about["geometry"].items():
-            found = geometry(vehicle)[name]
-            same = found == trained if not isinstance(trained, float) else math.isclose(found, trained, rel_tol=1e-3)
+            found = own[name]
+            numbers = isinstance(trained, int | float) and isinstance(found, int | float)
+            same = math.isclose(found, trained, rel_tol=1e-3) if numbers else found == trained
             if not same:
                 raise ValueError(
                     f"networks ({self.name}): {vehicle.name} has {name} = {found}, they were trained with {trained}. "
@@ -141,8 +148,6 @@ class NetworkSet:
 
     def save(self, file: str | Path) -> Path:
         """Write the file (.safetensors), whole or not at all; return its path."""
-        from safetensors.numpy import save
-
         header = {
             "format": FORMAT, "version": VERSION, "architecture": asdict(self.architecture), "about": self.about,
             "input_units": [INPUTS[name].unit for name in self.architecture.inputs], "bodies": BODIES,
@@ -150,9 +155,7 @@ class NetworkSet:
         }  # fmt: skip
         path = Path(file)
         tensors = {name: np.array(a, order="C") for name, a in self.arrays.items()}
-        data = save(tensors, {"exumob": json.dumps(header)})
-        with atomic_write(path) as temporary:
-            temporary.write_bytes(data)
+        write_arrays(path, header, tensors)
         return path
 
     @classmethod
@@ -162,42 +165,20 @@ class NetworkSet:
         Raises
         ------
         ValueError
-            If it is not such a file, of another version, or incomplete.
+            If it is not such a file, of another version, incomplete, or damaged; the message names the file.
         """
-        from safetensors import SafetensorError, safe_open
-
         path = Path(file)
-        if not path.is_file():
-            raise ValueError(f"{path}: there is no such file of networks; `exumob train` makes them.")
-        try:
-            with safe_open(path, "np") as stream:
-                header = json.loads((stream.metadata() or {}).get("exumob", "{}"))
-                arrays = {name: stream.get_tensor(name) for name in stream.keys()}
-        except (SafetensorError, OSError, ValueError, TypeError, RecursionError) as error:
-            raise ValueError(f"{path} is not a file of networks ({error}); `exumob train` makes them.") from None
-        if not isinstance(header, dict) or header.get("format") != FORMAT:
+        header, arrays = read_arrays(path, "a file of networks", "`exumob train` makes them.")
+        if header.get("format") != FORMAT:
             raise ValueError(f"{path} holds arrays, but not exumob's networks; `exumob train` makes them.")
         if header.get("version") != VERSION:
             raise ValueError(
-                f"{path} is of version {shown(header.get('version'))} and this program reads {VERSION}; train again "
-                "with `exumob train`."
+                f"{path} is of version {header.get('version')} and this program reads {VERSION}; train again with "
+                "`exumob train`."
             )
-        about, given = header.get("about"), header.get("architecture")
-        known = {field.name for field in fields(Architecture)}
-        if not isinstance(given, dict) or set(given) != known:
-            wrong = sorted(set(given) ^ known) if isinstance(given, dict) else sorted(known)
-            raise ValueError(f"{path}: its architecture has {', '.join(wrong)} too many or too few; train again.")
-        if not isinstance(about, dict) or not _is_geometry(about.get("geometry")):
-            raise ValueError(
-                f"{path}: the header does not say for which vehicle the networks were trained (about, geometry); take "
-                "the file that `exumob train` wrote."
-            )
-        try:
-            architecture = Architecture(**given)
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
+        architecture = _architecture(header.get("architecture"), path)
         _check_arrays(architecture, arrays, path)
-        return cls(architecture, arrays, about)
+        return cls(architecture, arrays, _checked_about(header.get("about"), path))
 
     @classmethod
     def stacked(cls, sets: Sequence[NetworkSet]) -> NetworkSet:
@@ -338,10 +319,96 @@ def window_rows(time: Array, taps: int, stride: int) -> NDArray[np.intp]:
     return np.asarray(np.clip(rows, 0, len(time) - 1))
 
 
-def _is_geometry(found: Any) -> bool:
-    return isinstance(found, dict) and set(found) >= set(GEOMETRY) - {"hull.mesh"} and not any(
-        isinstance(value, dict | list) for value in found.values()
-    )  # fmt: skip
+def write_arrays(path: Path, header: dict[str, Any], arrays: dict[str, Single]) -> None:
+    """Write arrays and a JSON header as a safetensors file, with a digest of both, whole or not at all."""
+    from safetensors.numpy import save
+
+    digest = _file_digest(json.loads(json.dumps(header)), arrays)
+    data = save(arrays, {"exumob": json.dumps(header | {"digest": digest})})
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def read_arrays(path: Path, what: str, remedy: str) -> tuple[dict[str, Any], dict[str, Single]]:
+    """Read a file of `write_arrays` into memory, or another safetensors file.
+
+    Parameters
+    ----------
+    path : Path
+    what, remedy : str
+        What the file is to be, and where such files come from, for messages.
+
+    Returns
+    -------
+    header : dict
+        The JSON header; empty if there is none.
+    arrays : dict
+
+    Raises
+    ------
+    ValueError
+        If the file is not of that format, or damaged.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    if not path.is_file():
+        raise ValueError(f"{path}: there is no such file of networks; {remedy}")
+    try:
+        with safe_open(path, "np") as stream:
+            header = json.loads((stream.metadata() or {}).get("exumob", "{}"))
+            arrays = {name: stream.get_tensor(name) for name in stream.keys()}
+    except (SafetensorError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        why = " ".join(str(error).split())[:200]
+        raise ValueError(f"{path} is not {what}, or is damaged ({why}); {remedy}") from None
+    except OSError as error:
+        raise ValueError(f"{path} cannot be read ({error.strerror or error}); {remedy}") from None
+    if not isinstance(header, dict):
+        raise ValueError(f"{path} is not {what}: its header is a {type(header).__name__}; {remedy}")
+    digest = header.pop("digest", None)  # files made before have none
+    if digest is not None and digest != _file_digest(header, arrays):
+        raise ValueError(
+            f"{path} is damaged: it is not what was written (its digest differs). Use a whole copy; {remedy}"
+        )
+    return header, arrays
+
+
+def _file_digest(header: dict[str, Any], arrays: dict[str, Single]) -> str:
+    """Digest of all that a file of networks holds."""
+    found = hashlib.sha256(json.dumps(header, sort_keys=True).encode())
+    for name in sorted(arrays):
+        found.update(f"{name} {arrays[name].dtype.str} {arrays[name].shape}".encode())
+        found.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return found.hexdigest()
+
+
+def _architecture(given: Any, path: Path) -> Architecture:
+    """Architecture of a file, its kinds and bounds checked."""
+    known = {field.name for field in fields(Architecture)}
+    if not isinstance(given, dict) or set(given) != known:
+        wrong = sorted(set(given) ^ known) if isinstance(given, dict) else shown(given)
+        raise ValueError(f"{path}: its architecture has {wrong} too many or too few; train again with `exumob train`.")
+    try:
+        return Architecture(**(given | {"inputs": tuple(given["inputs"])}))
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}: {error} Train again with `exumob train`.") from None
+
+
+def _checked_about(about: Any, path: Path) -> dict[str, Any]:
+    """Return the origin of networks, or refuse a file that does not say for which vehicle they are."""
+    trained = about.get("geometry") if isinstance(about, dict) else None
+    if not isinstance(about, dict) or not isinstance(trained, dict):
+        raise ValueError(
+            f"{path} does not say for which vehicle its networks were trained (about.geometry is {shown(trained)}); it "
+            "is incomplete, train again with `exumob train`."
+        )
+    unknown, missing = sorted(set(trained) - set(GEOMETRY)), sorted(set(GEOMETRY) - set(trained))
+    wrong = [name for name, value in trained.items() if not isinstance(value, int | float | str | None)]
+    if unknown or wrong or missing:
+        raise ValueError(
+            f"{path}: about.geometry has wrong, unknown or missing parameters: {', '.join(unknown + wrong + missing)}; "
+            "it is of another version, train again with `exumob train`."
+        )
+    return about
 
 
 def _check_arrays(architecture: Architecture, arrays: dict[str, Single], path: Path) -> None:
@@ -354,11 +421,19 @@ def _check_arrays(architecture: Architecture, arrays: dict[str, Single], path: P
         if name not in arrays:
             raise ValueError(f"{path}: {name} is missing; the file is incomplete, train again with `exumob train`.")
         array = arrays[name]
-        if array.shape != (5, *shape) or array.dtype.kind != "f" or not np.isfinite(array).all():
+        if array.shape != (5, *shape) or array.dtype != np.float32:
             raise ValueError(
-                f"{path}: {name} is of shape {array.shape} and type {array.dtype}, or not finite; it must be finite "
-                f"numbers of shape {(5, *shape)}. The file is damaged: take a copy, or train again with `exumob train`."
+                f"{path}: {name} is of shape {array.shape} of {array.dtype}; it must be {(5, *shape)} of float32. "
+                "Train again with `exumob train`."
             )
-    for name in ("input_scale", "output_scale"):
-        if (arrays[name] <= 0.0).any():
-            raise ValueError(f"{path}: {name} must be > 0; the file is damaged, train again with `exumob train`.")
+        if not np.isfinite(array).all():
+            count = int((~np.isfinite(array)).sum())
+            raise ValueError(
+                f"{path}: {name} is of shape {array.shape}, and not finite at {count} of {array.size} places; train "
+                "again with `exumob train`."
+            )
+    for name in ("input_scale", "output_scale", "joint_limit"):
+        if not (arrays[name] > 0.0).all():
+            raise ValueError(f"{path}: {name} must be > 0 everywhere; train again with `exumob train`.")
+    if (arrays["input_low"] > arrays["input_high"]).any():
+        raise ValueError(f"{path}: input_low lies above input_high; train again with `exumob train`.")

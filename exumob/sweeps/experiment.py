@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
+import functools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
+from numbers import Real
 from operator import attrgetter
-from typing import Any, TypeVar, cast
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, cast, get_args
 
+import numpy as np
 import xarray as xr
 
+from exumob.coupling.explicit import Explicit
 from exumob.driving.maneuver import ConstantSteer, LaneChange, Maneuver, lane_change
 from exumob.driving.path_following import PathFollowing
 from exumob.ground.soil import Soil
+from exumob.ground.terrain import Terrain
+from exumob.simulation.checks import check_steps
+from exumob.simulation.cost import require_room
+from exumob.simulation.description import RunDescription, Steps
 from exumob.simulation.run import simulate
-from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, setting_named
+from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, SETTINGS, setting_named
+from exumob.simulation.trust import trust_of_all
 from exumob.simulation.water_models import DEFAULT_MODEL, MODELS, hydrodynamics_named
+from exumob.support import quantities
+from exumob.support.declared import Declared, DeclaredField, check_of, declared_fields
+from exumob.support.quantities import DEPTH_RATIO, Quantity, shown
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import GEOMETRY
 from exumob.vehicle.parameters import Vehicle
@@ -28,12 +42,21 @@ MANEUVERS: dict[str, Maneuver] = {
     "lane change": LaneChange(), "straight": ConstantSteer(), "path following": PathFollowing(),
 }  # fmt: skip
 """Values of ``maneuver``, with the maneuver that each name stands for."""
-STEPS = ("duration", "micro_step", "macro_step", "record_step")
-"""Fields of the time of a run [s]."""
+COMPARED = 20
+"""Number of different values of a name that a sweep's line of trust looks at, unless they are numbers."""
+STEPS = ("duration", "micro_step", "macro_step", "record_step", "initial_speed")
+"""Fields of the time of a run [s], and the speed with which it begins [m/s]."""
+WHOLE = ("setting", "soil", "maneuver", "hydrodynamics")
+"""Names of what is chosen as a whole, mostly by a name of its own."""
+PARTS = ("soil", "water", "maneuver", "hydrodynamics")
+"""Owners of fields; the fields of all others are the vehicle's."""
+RATIO, MEMBER = "water.depth_ratio", "hydrodynamics.member"
+STEP = Quantity("s", above=0.0, at_most=1e6)
+"""A step of time."""
 
 
 @dataclass(frozen=True)
-class Experiment:
+class Experiment(Declared):
     """One lane change, or another maneuver, ready to be run; calling it with values by name runs it with them.
 
     The names are those of `Vehicle` and its parts (``hull.mass``, ``wheelbase``), ``soil`` (a published name) and
@@ -41,30 +64,37 @@ class Experiment:
     (one of `MANEUVERS`) and ``maneuver.<field>``, ``hydrodynamics`` (one of `MODELS`; sweeps, maps and
     tuning choose one for all cases where it is ``"auto"``), ``hydrodynamics.member`` (one
     network of the ensemble, by number), ``hydrodynamics.<field>`` of the coefficients, and ``duration``,
-    ``setting``, ``micro_step``, ``macro_step``, ``record_step``.
+    ``setting``, ``micro_step``, ``macro_step``, ``record_step``, ``initial_speed``.
     """
 
     vehicle: Vehicle
+    """The vehicle"""
     soil: Soil
+    """The ground"""
     water: Water | None = None
+    """The water; None: dry ground"""
     maneuver: Maneuver = field(default_factory=lane_change)
+    """What the driver does"""
     hydrodynamics: str = DEFAULT_MODEL
     """One of `exumob.simulation.water_models.MODELS`"""
-    member: int | None = None
+    member: Annotated[int | None, Quantity("1", at_least=0.0)] = None
     """The network that acts alone; None: the whole ensemble"""
     coefficients: Coefficients = field(default_factory=Coefficients)
-    duration: float = DURATION
-    """[s]"""
+    """Those of the coefficient model"""
+    duration: Annotated[float, quantities.DURATION] = DURATION
+    """Simulated time"""
     setting: str = DEFAULT_SETTING
     """One of `exumob.simulation.settings.SETTINGS`: the steps where they are not given"""
-    micro_step: float | None = None
-    """[s]; None: by the setting"""
-    macro_step: float | None = None
-    """[s]; None: by the setting"""
-    record_step: float = RECORD_STEP
-    """[s]"""
+    micro_step: Annotated[float | None, STEP] = None
+    """Step of the multibody solver; None: by the setting"""
+    macro_step: Annotated[float | None, STEP] = None
+    """Interval at which the water's loads are renewed; None: by the setting"""
+    record_step: Annotated[float, STEP] = RECORD_STEP
+    """Interval between the instants of a result"""
+    initial_speed: Annotated[float | None, quantities.INITIAL_SPEED] = None
+    """Speed at time 0, all wheels rolling; None: as the maneuver's wheels turn then"""
 
-    def __post_init__(self) -> None:
+    def _check(self) -> None:
         if self.hydrodynamics not in MODELS:
             raise ValueError(f"hydrodynamics = {self.hydrodynamics!r} is not known; use {', '.join(MODELS)}.")
         setting_named(self.setting)
@@ -81,18 +111,49 @@ class Experiment:
         ]  # fmt: skip
 
     def with_values(self, values: Mapping[str, Any]) -> Experiment:
-        """The experiment with other values.
+        """The experiment with other values; those that belong together change at once.
 
         Raises
         ------
         ValueError
             If a name is not known, or a value is refused by the field that it belongs to.
         """
-        changed = self._with("maneuver", values["maneuver"]) if "maneuver" in values else self  # its fields are names
+        changed = self
+        for name in WHOLE:  # their fields may be among the values
+            if name in values:
+                changed = changed._with_whole(name, values[name])
         changed.check_names(values)
-        for name in sorted(values, key=lambda n: (n.count("."), n == "water.depth_ratio", n)):
-            changed = changed._with(name, values[name])
-        return changed
+        parts: dict[str, _Changes] = {}
+        for name, value in values.items():
+            owner, _, rest = name.partition(".")
+            if name in WHOLE or name in (RATIO, MEMBER):
+                continue
+            if name in STEPS:
+                parts.setdefault("", _Changes())[name] = value
+            elif owner in PARTS:
+                parts.setdefault(owner, _Changes()).put(rest, value)
+            else:
+                parts.setdefault("vehicle", _Changes()).put(name, value)
+        fields_of_run: dict[str, Any] = dict(parts.pop("", {}))
+        if MEMBER in values:
+            fields_of_run |= changed._with_member(values[MEMBER])
+        for owner in ("vehicle", "soil", "maneuver"):
+            if owner in parts:
+                fields_of_run[owner] = _replaced(getattr(changed, owner), parts[owner])
+        if "hydrodynamics" in parts:
+            fields_of_run["coefficients"] = _replaced(changed.coefficients, parts["hydrodynamics"])
+        vehicle = fields_of_run.get("vehicle", changed.vehicle)
+        water = parts.get("water", _Changes())
+        if RATIO in values:
+            ratio = _depth_ratio(values[RATIO])
+            if "depth" in water:
+                raise ValueError(f"water.depth and {RATIO} say the same; give one of them.")
+            if ratio == 0.0:
+                return replace(changed, **fields_of_run | {"water": None})
+            water["depth"] = ratio * vehicle.wheel.diameter
+        if water:
+            fields_of_run["water"] = _replaced(changed._wet(), water)
+        return replace(changed, **fields_of_run) if fields_of_run else changed
 
     def value(self, name: str) -> Any:
         """Value that a name has now; if there is no water, ``water.<field>`` is that of the default water."""
@@ -102,6 +163,8 @@ class Experiment:
             return 0.0 if self.water is None else self.water.depth / self.vehicle.wheel.diameter
         if name in ("micro_step", "macro_step") and getattr(self, name) is None:
             return getattr(setting_named(self.setting), name)
+        if name == "initial_speed" and self.initial_speed is None:
+            return self.maneuver.wheel_speed(0.0)[0] * self.vehicle.wheel.radius
         if name in ("soil", "maneuver", "hydrodynamics", "setting", *STEPS):
             return getattr(self, name)
         if name == "hydrodynamics.member":
@@ -113,45 +176,104 @@ class Experiment:
 
     def check_names(self, names: Iterable[str]) -> None:
         """Raise ValueError if a name is not known."""
-        known = self.names()
+        known = self._known
         for name in names:
             if name not in known:
-                near = difflib.get_close_matches(name, known, 3, 0.5)
+                near = difflib.get_close_matches(name, known, 3, 0.5) if isinstance(name, str) else []
                 hint = f"did you mean {' or '.join(near)}?" if near else f"use one of {', '.join(known)}."
                 raise ValueError(f"parameter {name!r} is not known; {hint}")
 
-    def check_values(self, name: str, values: Iterable[Any]) -> None:
-        """Raise ValueError if a value, set by itself, is refused; for many values faster than `with_values`."""
-        self.check_names([name])
-        for value in values:
-            self._with(name, value)
+    @functools.cached_property
+    def _known(self) -> dict[str, None]:
+        return dict.fromkeys(self.names())
 
-    def _with(self, name: str, value: Any) -> Experiment:
+    def declaration(self, name: str) -> DeclaredField | None:
+        """What is declared of a name: type, unit, bounds and meaning; None if nothing is."""
+        self.check_names([name])
+        if name == RATIO:
+            return DeclaredField(name, float, DEPTH_RATIO, MISSING, "depth of the water over the tyre's diameter")
+        return _fields_of(type(self._owner(name))).get(name.rpartition(".")[2])
+
+    def meaning(self, name: str, case: Mapping[str, Any] | None = None) -> tuple[str, str]:
+        """Unit, as netCDF writes it, and meaning of a name in the cases of a sweep, of which `case` is one."""
+        maneuver = {} if case is None else {"maneuver": case["maneuver"]} if "maneuver" in case else {}
+        found = self.with_values(maneuver).declaration(name)
+        if found is None:
+            return "1", name
+        unit = "1" if found.quantity is None else netcdf_unit(found.quantity.unit)
+        return unit, found.meaning.split("\n")[0] or name
+
+    def check_values(self, name: str, values: Iterable[Any]) -> None:
+        """Raise ValueError if a value is refused by the declaration of its name; fast for many numbers.
+
+        Whether values of several names fit each other is not looked at.
+        """
+        found, declared = list(values), self.declaration(name)
+        if name in WHOLE or name in (RATIO, MEMBER) or declared is None or not isinstance(self._owner(name), Declared):
+            for value in _distinct(found):
+                self.with_values({name: value})
+            return
+        quantity = declared.quantity
+        hint = declared.kind if quantity is None else Annotated[declared.kind, quantity]
+        check = check_of(hint)
+        if quantity is not None and quantity.shape is None and {type(value) for value in found} <= {float, int}:
+            low, high = quantity.safe
+            try:
+                numbers = np.array(found, float)
+                found = [found[n] for n in np.flatnonzero(~((numbers >= low) & (numbers <= high)))]
+            except OverflowError:
+                pass
+        for value in _distinct(found):
+            accepted = check(name, value)
+            if isinstance(accepted, Path) and not accepted.is_file():
+                raise ValueError(f"{name} = {str(accepted)!r}: there is no such file; give its path.")
+
+    def typed(self, case: Mapping[str, Any]) -> dict[str, Any]:
+        """Values of a case, with paths as `Path`, so that the contents of the files count."""
+        return {name: self._path(name, value) if isinstance(value, str) else value for name, value in case.items()}
+
+    def _path(self, name: str, text: str) -> Any:
+        return Path(text) if name in self._names_of_files else text
+
+    @functools.cached_property
+    def _names_of_files(self) -> frozenset[str]:
+        found = ((name, self.declaration(name)) for name in self._known)
+        return frozenset(n for n, f in found if f is not None and (f.kind is Path or Path in get_args(f.kind)))
+
+    def _owner(self, name: str) -> Any:
+        """The object whose field a name is."""
         owner, _, rest = name.partition(".")
-        if name in STEPS:
-            return _replaced(self, name, float(value))
+        if name in (*STEPS, *WHOLE, MEMBER):
+            return self
+        parts = {
+            "soil": self.soil, "water": self._wet(), "maneuver": self.maneuver, "hydrodynamics": self.coefficients,
+        }  # fmt: skip
+        thing, rest = (parts[owner], rest) if owner in parts else (self.vehicle, name)
+        above = rest.rpartition(".")[0]
+        return attrgetter(above)(thing) if above else thing
+
+    def _with_whole(self, name: str, value: Any) -> Experiment:
+        """The experiment with another soil, maneuver, model of the water's loads or setting."""
         if name == "soil":
+            if not isinstance(value, Soil | str):
+                raise ValueError(f"soil = {shown(value)} must be the name of a published soil, or a Soil.")
             return replace(self, soil=value if isinstance(value, Soil) else Soil.published(value))
         if name == "maneuver":
             return replace(self, maneuver=maneuver_named(value) if isinstance(value, str) else value)
-        if name in ("hydrodynamics", "setting"):
-            return replace(self, **{name: value})
-        if name == "hydrodynamics.member":
-            chosen = "networks" if self.hydrodynamics == "auto" and value is not None else self.hydrodynamics
-            return replace(self, hydrodynamics=chosen, member=None if value is None else int(value))
-        if owner == "hydrodynamics":
-            return replace(self, coefficients=_replaced(self.coefficients, rest, value))
-        if name == "water.depth_ratio":
-            if value == 0.0:
-                return replace(self, water=None)
-            return replace(self, water=_replaced(self._wet(), "depth", value * self.vehicle.wheel.diameter))
-        if owner == "water":
-            return replace(self, water=_replaced(self._wet(), rest, value))
-        if owner == "soil":
-            return replace(self, soil=_replaced(self.soil, rest, value))
-        if owner == "maneuver":
-            return replace(self, maneuver=_replaced(self.maneuver, rest, value))
-        return replace(self, vehicle=_replaced(self.vehicle, name, value))
+        known = MODELS if name == "hydrodynamics" else tuple(SETTINGS)
+        if not isinstance(value, str) or value not in known:
+            raise ValueError(f"{name} = {shown(value)} is not known; use {', '.join(map(repr, known))}.")
+        chosen: dict[str, Any] = {name: str(value)}
+        return replace(self, **chosen)
+
+    def _with_member(self, value: Any) -> dict[str, Any]:
+        if value is None:
+            return {"member": None}
+        whole = isinstance(value, int | float | np.number) and not isinstance(value, bool) and 0 <= value < 1e6
+        if not whole or value != int(value):
+            raise ValueError(f"{MEMBER} = {shown(value)} must be the number of a network, a whole number >= 0.")
+        chosen = "networks" if self.hydrodynamics == "auto" else self.hydrodynamics
+        return {"hydrodynamics": chosen, "member": int(value)}
 
     def _wet(self) -> Water:
         return self.water or Water(0.5 * self.vehicle.wheel.diameter)
@@ -193,26 +315,77 @@ class Experiment:
             return self
         if self.member is not None or "hydrodynamics.member" in names:
             return replace(self, hydrodynamics="networks")
-        for name in GEOMETRY:
-            for value in {repr(case[name]): case[name] for case in cases if name in case}.values():
-                changed = self._with(name, value)
-                model = hydrodynamics_named("auto", changed.vehicle, changed._wet())
-                if not isinstance(model, SurrogateHydrodynamics):
-                    return replace(self, hydrodynamics="coefficients")
+        places = [name for name in GEOMETRY if name in names]
+        for values in {repr(v): v for v in ({n: case[n] for n in places if n in case} for case in cases)}.values():
+            try:
+                changed = self.with_values(values)
+            except ValueError:  # becomes a row
+                continue
+            if not isinstance(hydrodynamics_named("auto", changed.vehicle, changed._wet()), SurrogateHydrodynamics):
+                return replace(self, hydrodynamics="coefficients")
         fits = isinstance(hydrodynamics_named("auto", self.vehicle, self._wet()), SurrogateHydrodynamics)
         return replace(self, hydrodynamics="networks" if fits else "coefficients")
 
+    def description(self, hydrodynamics: Hydrodynamics) -> RunDescription:
+        """Describe the run with a model of the water's loads, as its line of trust needs it."""
+        usual_micro_step, usual_macro_step = setting_named(self.setting).steps(flow_in_loop=False)
+        steps = Steps(
+            self.duration, self.micro_step or usual_micro_step, self.macro_step or usual_macro_step, self.record_step
+        )
+        rolling = self.maneuver.wheel_speed(0.0)[0] * self.vehicle.wheel.radius
+        return RunDescription(
+            self.vehicle, self.soil, self.water, Terrain(), self.maneuver, hydrodynamics, Explicit(), steps, rolling
+        )
+
+    def trust(self, cases: Sequence[Mapping[str, Any]]) -> dict[str, str | float]:
+        """Say what the runs of a sweep are worth, as attributes (see `exumob.simulation.trust.trust_of_all`).
+
+        Of numbers the smallest and the largest of each name are compared, of other values each. Where cases choose
+        their model of the water by themselves, each model has a line of its own.
+        """
+        chosen: set[int] = set()
+        for name in cases[0] if cases else ():
+            values = [case[name] for case in cases]
+            if all(isinstance(value, int | float) for value in values):
+                chosen |= {int(np.argmin(values)), int(np.argmax(values))}
+            else:
+                chosen |= set(list({repr(value): n for n, value in enumerate(values)}.values())[:COMPARED])
+        found: dict[str, list[Experiment]] = {}
+        for case in [cases[n] for n in sorted(chosen)] or [{}]:
+            with contextlib.suppress(ValueError):  # values that do not go together have become rows
+                run = self.with_values(case)
+                found.setdefault(run.hydrodynamics, []).append(run)
+        attributes: dict[str, str | float] = {}
+        for runs in found.values():
+            wet = next((run for run in runs if run.water is not None), runs[0])
+            with contextlib.suppress(ValueError):
+                model = wet.water_model()
+                more = trust_of_all([run.description(model) for run in runs]).attributes()
+                attributes = more if not attributes else {"trust": f"{attributes['trust']} {more['trust']}"}
+        return attributes
+
     def check(self) -> None:
-        """Raise ValueError if the networks were trained for another vehicle."""
+        """Raise ValueError if steps do not fit each other, or the networks were trained for another vehicle."""
+        self.check_steps()
         model = self.water_model()
         for network in getattr(model, "networks", []):
             network.check_vehicle(self.vehicle)
+
+    def check_steps(self) -> None:
+        """Raise ValueError if the steps do not fit each other, or the record does not fit into memory."""
+        setting = setting_named(self.setting)
+        micro = setting.micro_step if self.micro_step is None else self.micro_step
+        macro = setting.macro_step if self.macro_step is None else self.macro_step
+        steps = Steps(duration=self.duration, micro_step=micro, macro_step=macro, record_step=self.record_step)
+        check_steps(steps)
+        require_room(steps)
 
     def run(self) -> xr.Dataset:
         """Simulate the experiment; see `exumob.simulate`."""
         return simulate(
             self.vehicle, self.soil, self.water, self.maneuver, self.water_model(), duration=self.duration,
             setting=self.setting, micro_step=self.micro_step, macro_step=self.macro_step, record_step=self.record_step,
+            initial_speed=self.initial_speed,
         )  # fmt: skip
 
     def __call__(self, values: Mapping[str, Any]) -> xr.Dataset:
@@ -257,8 +430,52 @@ def _leaves(thing: Any) -> list[str]:
     return found
 
 
-def _replaced(thing: T, name: str, value: Any) -> T:
-    first, _, rest = name.partition(".")
-    if rest:
-        value = _replaced(getattr(thing, first), rest, value)
-    return cast(T, replace(cast(Any, thing), **{first: value}))
+def netcdf_unit(unit: str) -> str:
+    """Unit as netCDF writes it: ``kg m-3`` for ``kg/m^3``."""
+    above, *below = unit.split("/")
+    parts = [above.replace("^", "")]
+    for part in below:
+        base, _, power = part.partition("^")
+        parts.append(f"{base}-{power or 1}")
+    return " ".join(parts).removeprefix("1 ") if below else parts[0]
+
+
+class _Changes(dict[str, Any]):
+    """New values of the fields of a dataclass by name, those of a dataclass within it as another of these."""
+
+    def put(self, name: str, value: Any) -> None:
+        first, _, rest = name.partition(".")
+        if rest:
+            self.setdefault(first, _Changes()).put(rest, value)
+        else:
+            self[first] = value
+
+
+def _replaced(thing: T, changes: _Changes) -> T:
+    values = {
+        name: _replaced(getattr(thing, name), value) if isinstance(value, _Changes) else value
+        for name, value in changes.items()
+    }  # fmt: skip
+    return cast(T, replace(cast(Any, thing), **values))
+
+
+def _depth_ratio(value: Any) -> float:
+    if isinstance(value, Real) and not isinstance(value, bool) and value == 0.0:
+        return 0.0
+    return DEPTH_RATIO.check(RATIO, value)
+
+
+def _distinct(values: list[Any]) -> list[Any]:
+    try:
+        return list(dict.fromkeys(values))
+    except TypeError:  # lists and the like
+        return values
+
+
+_FIELDS: dict[type, dict[str, DeclaredField]] = {}
+
+
+def _fields_of(owner: type) -> dict[str, DeclaredField]:
+    if owner not in _FIELDS:
+        _FIELDS[owner] = {f.name: f for f in declared_fields(owner)} if is_dataclass(owner) else {}
+    return _FIELDS[owner]

@@ -16,22 +16,23 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
-from exumob.simulation.result_files import save_dataset
 from exumob.simulation.summary import summary
 from exumob.simulation.verdict import verdict_of_error
 from exumob.support.errors import SimulationError
-from exumob.sweeps.case_store import CaseStore
+from exumob.sweeps.case_store import CaseStore, StorageError, fault_of_result
 
 GRACE = 10.0
 """Time that a case may take beyond its time limit until its process is killed [s]."""
 ATTEMPTS = 2
 """Number of processes that a case may take with it until it is given up as ``killed``."""
+FRUITLESS = 3
+"""Number of times that the whole pool may be killed from outside without any case that ended in between."""
 POLL = 0.2
 """Interval at which the pool is watched [s]."""
 
@@ -58,33 +59,70 @@ class _Worker:
             _die_with_parent()
         attempts = store.begin(number, self.parent is None)
         began = time.perf_counter()
-
-        def end(status: str, reason: str = "", values: Mapping[str, Any] | None = None) -> int:
-            store.end(number, status, reason, time.perf_counter() - began, values or {})
-            return number
-
         if attempts >= ATTEMPTS:
-            return end("killed", f"its process ended {attempts} times while this case was under way")
-        alarm = _Alarm(store.time_limit)
-        try:
-            with alarm:
-                found = store.function(store.cases[number])
-                values = summary(found) if isinstance(found, xr.Dataset) else found
-            if store.keep_runs and isinstance(found, xr.Dataset):
-                save_dataset(found, store.folder / "runs" / f"{number}.nc")
-            return end("completed", "", values)
-        except (Exception, _OutOfTime) as error:
-            reached = error.result if isinstance(error, SimulationError) else None
-            values = summary(reached) if isinstance(reached, xr.Dataset) and reached.sizes["time"] > 1 else {}
-            if isinstance(error, SimulationError) and not alarm.rang:
-                values |= verdict_of_error(error).figures()
-            if alarm.rang:  # it may come out of the solver as another error
-                return end("out of time", f"it had not ended after {store.time_limit:g} s", values)
-            if isinstance(error, SimulationError):
-                return end("broke down", str(error), values)
-            if isinstance(error, ValueError):
-                return end("refused", str(error))
-            return end("failed", f"{type(error).__name__}: {error}")
+            outcome = _Outcome("killed", f"its process ended {attempts} times while this case was under way")
+        else:
+            outcome = _run_case(store, number)
+        is_run = isinstance(outcome.found, xr.Dataset)
+        if store.keep_runs and isinstance(outcome.found, xr.Dataset):
+            try:
+                store.keep_run(number, outcome.found)
+            except StorageError:
+                raise
+            except Exception as error:  # of a function of the user: netCDF cannot hold all that a Dataset can
+                outcome = _Outcome("failed", f"its Dataset cannot be kept as netCDF: {type(error).__name__}: {error}")
+        store.end(number, outcome.status, outcome.reason, time.perf_counter() - began, outcome.values, is_run)
+        return number
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """How a case ended."""
+
+    status: str
+    reason: str = ""
+    values: Mapping[str, Any] = field(default_factory=dict)
+    found: Any = None
+    """What the function returned, if the case was completed"""
+
+
+def _run_case(store: CaseStore, number: int) -> _Outcome:
+    alarm = _Alarm(store.time_limit)
+    try:
+        with alarm:
+            found = store.function(store.cases[number])
+            values = _summary(found) if isinstance(found, xr.Dataset) else found
+    except (Exception, SystemExit, _OutOfTime) as error:
+        values = _until_then(error)
+        if alarm.rang:  # it may come out of the solver as another error
+            values = {name: value for name, value in values.items() if not name.startswith("verdict")}
+            return _Outcome("out of time", f"it had not ended after {store.time_limit:g} s", values)
+        if isinstance(error, SimulationError):
+            return _Outcome("broke down", str(error), values)
+        if isinstance(error, ValueError):
+            return _Outcome("refused", str(error))
+        return _Outcome("failed", f"{type(error).__name__}: {error}")
+    fault = fault_of_result(values, store.names)
+    return _Outcome("failed", fault) if fault else _Outcome("completed", "", values, found)
+
+
+def _until_then(error: BaseException) -> dict[str, Any]:
+    """Key figures of what was computed until an error; none if it was next to nothing."""
+    if not isinstance(error, SimulationError):
+        return {}
+    reached = error.result
+    try:
+        values = summary(reached) if reached is not None and reached.sizes.get("time", 0) > 1 else {}
+        return values | verdict_of_error(error).figures()
+    except (KeyError, AttributeError, ValueError):  # a result of the user's own kind
+        return {}
+
+
+def _summary(found: xr.Dataset) -> dict[str, Any]:
+    try:
+        return summary(found)
+    except (KeyError, AttributeError, ValueError) as error:
+        raise TypeError(f"it returned a Dataset that is none of simulate ({error}); return numbers by name") from None
 
 
 class _Alarm:
@@ -128,30 +166,56 @@ def run_in_processes(store: CaseStore, workers: int, report_progress: Callable[[
     ------
     RuntimeError
         If the processes cannot be started.
+    StorageError
+        If the folder cannot be written any more; what has ended is kept.
     """
     # a server that has imported everything starts a pool in no time
     context: Any = multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
     if sys.platform == "linux":
         context.set_forkserver_preload(["__main__", __name__, "exudyn.processing"])
+    fruitless = 0
     while left := store.left():
         since = time.time()
-        pool = context.Process(target=_pool, args=(store, left, min(workers, len(left)), os.getpid()))
+        receiver, sender = context.Pipe(duplex=False)
+        pool = context.Process(target=_pool, args=(store, left, min(workers, len(left)), os.getpid(), sender))
         pool.start()
+        sender.close()
         lost: set[int] = set()
         try:
             while pool.is_alive():
-                pool.join(POLL)
+                looked = time.monotonic()
                 report_progress()
                 if lost := _lost(store, since):
                     break
+                # a look at many files takes long: leave nine tenths of the time to the cases
+                pool.join(max(POLL, 9.0 * (time.monotonic() - looked)))
         finally:
             _kill(pool)
             store.forget_begun(n for n, begun in store.begun().items() if begun["at"] >= since and n not in lost)
+            store.remove_partial_files()
+        failure = _received(receiver)
+        if isinstance(failure, StorageError):
+            raise failure
+        fruitless = fruitless + 1 if pool.exitcode == -signal.SIGKILL and not lost and store.left() == left else 0
+        if fruitless >= FRUITLESS:
+            raise RuntimeError(
+                f"sweep: its processes were killed from outside {fruitless} times before a case ended, perhaps for "
+                "want of memory; use fewer workers. The same call goes on with what has ended."
+            )
         if pool.exitcode not in (0, None, -signal.SIGKILL) and store.left() == left and not lost:
             raise RuntimeError(
-                f"sweep: the processes could not be started (exit code {pool.exitcode}); is the script's own work "
-                "under `if __name__ == '__main__':`?"
+                f"sweep: the processes could not be started (exit code {pool.exitcode}); "
+                + (failure or "is the script's own work under `if __name__ == '__main__':`?")
             )
+
+
+def _received(receiver: Any) -> StorageError | str:
+    """Why the pool has failed, as it has said; empty if it has not."""
+    with receiver, contextlib.suppress(EOFError, OSError):
+        if receiver.poll():
+            kind, text = receiver.recv()
+            return StorageError(text) if kind == "storage" else str(text)
+    return ""
 
 
 def _lost(store: CaseStore, since: float) -> set[int]:
@@ -190,8 +254,11 @@ def _kill(pool: Any) -> None:
     pool.join()
 
 
-def _pool(store: CaseStore, numbers: list[int], workers: int, leader: int) -> None:
-    """Run cases with `exudyn.processing`, in a process group that the leader can kill as a whole."""
+def _pool(store: CaseStore, numbers: list[int], workers: int, leader: int, sender: Any) -> None:
+    """Run cases with `exudyn.processing`, in a process group that the leader can kill as a whole.
+
+    An error that is none of a case goes to the leader, and ends the process with exit code 1.
+    """
     if hasattr(os, "setpgrp"):
         os.setpgrp()
     threading.Thread(target=_end_with, args=(leader,), daemon=True).start()
@@ -200,9 +267,16 @@ def _pool(store: CaseStore, numbers: list[int], workers: int, leader: int) -> No
         multiprocessing.set_start_method("fork", force=True)
     from exudyn.processing import ProcessParameterList
 
-    ProcessParameterList(
-        _Worker(store, os.getpid()), [{"case": n} for n in numbers], workers > 1, numberOfThreads=workers
-    )
+    try:
+        ProcessParameterList(
+            _Worker(store, os.getpid()), [{"case": n} for n in numbers], workers > 1, numberOfThreads=workers
+        )
+    except StorageError as error:
+        sender.send(("storage", str(error)))
+        sys.exit(1)
+    except Exception as error:
+        sender.send(("other", f"{type(error).__name__}: {error}"))
+        sys.exit(1)
 
 
 def _end_with(leader: int) -> None:

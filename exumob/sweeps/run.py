@@ -8,25 +8,36 @@ keep their parameters (`exumob.sweeps.case_store`).
 
 from __future__ import annotations
 
+import logging
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-import numpy as np
 import xarray as xr
 
-from exumob.simulation.result_files import save_dataset
-from exumob.sweeps.case_store import STATUSES, CaseStore, Function
-from exumob.sweeps.experiment import Experiment
+from exumob.support.cost import cores, require_memory, spelled_size, spelled_time
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
+from exumob.sweeps.case_store import STATUSES, CaseStore, Function, check_names, room_needed
+from exumob.sweeps.experiment import STEPS, Experiment
 from exumob.sweeps.processes import run_in_processes, run_with_mpi
 from exumob.sweeps.sampling import Case
 
-CHECKED_VALUES = 50_000
-"""Number of values of the cases that are checked before anything runs; this takes about a second."""
+TRIED_CASES = 20_000
+"""Number of cases up to which it is tried beforehand whether their values fit each other; this takes about a second."""
+WORKER_BYTES = 2e8
+"""Memory of a process of a sweep beside what it shares with the others."""
+COST = {"fast": 0.4, "fine": 1.5}
+"""Time of computing a second of a run, by setting [s]: networks or coefficients, one idle core (docs/speed.md)."""
+WorkerCount = Annotated[int, Quantity("1", at_least=1.0, at_most=4096.0)]
+"""Number of processes that run side by side."""
+TIME_LIMIT = Quantity("s", above=0.0, at_most=1e9)
+"""Longest time that one case may take"""
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -39,13 +50,16 @@ class Progress:
     """Number of all cases"""
     left: float
     """Estimated time to the end [s]; nan until a case has ended"""
+    kept: int = 0
+    """Number of cases that had ended before this call"""
 
 
 # nine arguments: the first three say what is run and where it is kept, the others are independent options
+@checked
 def sweep(
-    function: Function, cases: Sequence[Case], folder: str | Path, *, workers: int = 2, time_limit: float | None = None,
-    keep_runs: bool = False, again: Sequence[str] = (), mpi: bool = False,
-    progress: Callable[[Progress], None] | None = None,
+    function: Function, cases: Any, folder: str | Path, *, workers: WorkerCount = 2,
+    time_limit: Annotated[float | None, TIME_LIMIT] = None, keep_runs: bool = False,
+    again: tuple[str, ...] = (), mpi: bool = False, progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset:  # fmt: skip
     """Run all cases that have not ended yet, and gather the results.
 
@@ -54,7 +68,9 @@ def sweep(
     function : callable
         Takes the values of a case by name; returns a Dataset of `simulate` (its `summary` is gathered) or numbers by
         name. An `Experiment`, or any function that can be pickled, of an importable module. When its source has
-        changed (its own, not that of what it calls), the folder's results are not mixed with new ones.
+        changed, that of exumob or of your own functions that it calls, or a file that it holds the path of, the
+        folder's results are not mixed with new ones. What it means by the numbers that it returns it may say in an
+        attribute ``variables``: unit and meaning by name.
     cases : sequence of dict
         Cases made by `grid`, `sample` or yourself; all have the same names.
     folder : path
@@ -84,17 +100,23 @@ def sweep(
         If the cases do not match each other, the experiment or what the folder holds; before anything runs.
     RuntimeError
         If another sweep is at work in the folder.
+    StorageError
+        If the folder cannot be written or has no room; what has ended is kept, and the same call goes on.
     """
-    if isinstance(function, Experiment):
-        function = function.with_one_model(cases)
-    store = CaseStore(Path(folder), function, cases, time_limit, keep_runs)
-    if isinstance(function, Experiment):
-        _check_cases(function, cases)
+    check_names(cases)
     unknown = [status for status in again if status not in STATUSES]
     if unknown:
         raise ValueError(f"sweep.again: {unknown[0]!r} is no status; use {', '.join(STATUSES)}.")
-    if not 1 <= workers <= 4096:
-        raise ValueError(f"sweep.workers = {workers} must lie between 1 and 4096.")
+    if not mpi and min(workers, len(cases)) > cores():
+        require_memory(f"sweep.workers = {workers}", min(workers, len(cases)) * WORKER_BYTES, "give fewer.")
+    experiment = function if isinstance(function, Experiment) else getattr(function, "experiment", None)
+    if isinstance(experiment, Experiment):
+        cases = [experiment.typed(case) for case in cases]
+        fitting = _check_cases(experiment, cases)
+        experiment = experiment.with_one_model(cases)
+        experiment.with_values(fitting).check()
+        function = experiment if isinstance(function, Experiment) else function
+    store = CaseStore(Path(folder), function, cases, time_limit, keep_runs)
     with store.locked():
         store.prepare(again)
         began, before = time.monotonic(), len(store.ended())
@@ -104,7 +126,7 @@ def sweep(
                 done = len(store.ended())
                 fresh = done - before
                 rate = (time.monotonic() - began) / fresh if fresh else math.nan
-                progress(Progress(done, len(cases), rate * (len(cases) - done)))
+                progress(Progress(done, len(cases), rate * (len(cases) - done), before))
 
         report_progress()
         if mpi:
@@ -113,28 +135,79 @@ def sweep(
             run_in_processes(store, workers, report_progress)
         report_progress()
         result = store.gather()
-        save_dataset(result, store.folder / "sweep.nc")
+        if isinstance(function, Experiment):
+            result.attrs |= function.trust(cases)
+        store.save(result)
     return result
 
 
-def _check_cases(experiment: Experiment, cases: Sequence[Case]) -> None:
-    """Check every name and every distinct value by itself; what only some combinations forbid becomes a row.
+@dataclass(frozen=True)
+class Need:
+    """What a sweep will take."""
 
-    Of more than `CHECKED_VALUES` values evenly spaced ones are checked, with the smallest and the largest of each name.
+    cases: int
+    time: float
+    """Wall time with all processes [s]; nan if nothing is known of the function"""
+    disk: float
+    """Room in its folder [bytes]"""
+
+    def __str__(self) -> str:
+        time = "" if math.isnan(self.time) else f", about {spelled_time(self.time)}"
+        return f"{self.cases} case{'' if self.cases == 1 else 's'}{time}, {spelled_size(self.disk)} on the disk"
+
+
+def need(function: Function, cases: Sequence[Case], workers: int = 2, keep_runs: bool = False) -> Need:
+    """Estimate what a sweep will take, from what the runs of an `Experiment` were measured to take."""
+    time = math.nan
+    if isinstance(function, Experiment):
+        usual: Case = {"duration": function.duration, "setting": function.setting}
+        each = ((usual | case)["duration"] * COST.get((usual | case)["setting"], math.nan) for case in cases)
+        try:
+            time = float(sum(each)) / max(1, min(workers, cores()))
+        except (TypeError, OverflowError):  # refused later
+            time = math.nan
+    return Need(len(cases), time, room_needed(function, len(cases), keep_runs))
+
+
+def _check_cases(experiment: Experiment, cases: Sequence[Case]) -> Case:
+    """Check every name and every value by itself; what only some combinations forbid becomes a row, with a warning.
+
+    Returns
+    -------
+    dict
+        The first case whose values fit each other.
+
+    Raises
+    ------
+    ValueError
+        If a name is not known, a value is refused, or no case fits together.
     """
     for maneuver in {str(case["maneuver"]): case["maneuver"] for case in cases if "maneuver" in case}.values():
         experiment = experiment.with_values({"maneuver": maneuver})  # its fields are names
-    distinct = {name: _sorted_numbers(dict.fromkeys(case[name] for case in cases)) for name in cases[0]}
-    number = sum(map(len, distinct.values()))
-    for name, values in distinct.items():
-        share = len(values) if number <= CHECKED_VALUES else max(2, CHECKED_VALUES * len(values) // number)
-        chosen = np.unique(np.linspace(0, len(values) - 1, share).round().astype(int))
-        experiment.check_values(name, [values[n] for n in chosen])
-    experiment.with_values(cases[0]).check()
-
-
-def _sorted_numbers(values: Iterable[Any]) -> list[Any]:
-    """Values in ascending order, nan first, if all are numbers; in the given order otherwise."""
-    found = list(values)
-    numbers = all(isinstance(value, Real) for value in found)
-    return sorted(found, key=lambda value: (value == value, value)) if numbers else found
+    experiment.check_names(cases[0])
+    if "water.depth" in cases[0] and "water.depth_ratio" in cases[0]:
+        raise ValueError("sweep.cases: water.depth and water.depth_ratio say the same; give one of them.")
+    for name in cases[0]:
+        experiment.check_values(name, [case[name] for case in cases])
+    refused: list[tuple[Case, ValueError]] = []
+    fitting: Case | None = None
+    steps = [name for name in (*STEPS, "setting") if name in cases[0]]
+    tried: set[Any] = set()
+    for case in cases if len(cases) <= TRIED_CASES else cases[:1]:
+        try:
+            changed = experiment.with_values(case)
+            if (key := tuple(case[name] for name in steps)) not in tried:
+                changed.check_steps()
+            tried.add(key)
+            fitting = case if fitting is None else fitting
+        except ValueError as error:
+            refused.append((case, error))
+    if fitting is None:
+        raise refused[0][1]
+    if refused:
+        example = ", ".join(f"{name} = {value}" for name, value in refused[0][0].items())
+        logger.warning(
+            "sweep: %d of %d cases cannot be run, their values do not fit each other; the first, %s: %s", len(refused),
+            len(cases), example, refused[0][1],
+        )  # fmt: skip
+    return fitting

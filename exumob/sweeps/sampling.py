@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from numbers import Real
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 import xarray as xr
@@ -15,7 +17,23 @@ from scipy import stats
 from scipy.stats import qmc
 
 from exumob.support.arrays import Array
-from exumob.support.checks import require_finite, require_positive, require_within
+from exumob.support.checks import require_within
+from exumob.support.cost import require_memory, spelled_size, spelled_time
+from exumob.support.declared import Declared, checked
+from exumob.support.quantities import Quantity, shown
+
+ANY = Quantity("1", at_least=-1e300, at_most=1e300)
+"""A number of any size."""
+POSITIVE = Quantity("1", above=0.0, at_most=1e300)
+"""A number of any size above 0."""
+SEED = Quantity("1", at_least=0.0)
+"""Seed of random numbers"""
+MOST_CASES = 10_000_000
+"""Largest number of cases: each becomes a file."""
+CASE_BYTES, VALUE_BYTES = 1000, 250
+"""Memory for a case of a sweep, and for each of its values, with its row and what gathering takes."""
+ROW_BYTES = 4096 + 512
+"""Room on the disk for a case: a block of its own, and its part of ``sweep.nc``."""
 
 Case = dict[str, Any]
 """Values by dotted name."""
@@ -31,14 +49,15 @@ class Distribution(Protocol):
 
 
 @dataclass(frozen=True)
-class Uniform:
+class Uniform(Declared):
     """Uniform distribution from `low` to `high`."""
 
-    low: float
-    high: float
+    low: Annotated[float, ANY]
+    """Lower end"""
+    high: Annotated[float, ANY]
+    """Upper end"""
 
-    def __post_init__(self) -> None:
-        require_finite("Uniform", low=self.low, high=self.high)
+    def _check(self) -> None:
         _ordered("Uniform", low=self.low, high=self.high)
 
     def quantile(self, share: Array) -> NDArray[Any]:
@@ -47,18 +66,26 @@ class Uniform:
 
 
 @dataclass(frozen=True)
-class Normal:
+class Normal(Declared):
     """Gaussian distribution, cut off at `low` and `high`."""
 
-    mean: float
-    deviation: float
-    low: float = -math.inf
-    high: float = math.inf
+    mean: Annotated[float, ANY]
+    """Mean, of the whole bell"""
+    deviation: Annotated[float, POSITIVE]
+    """Standard deviation, of the whole bell"""
+    low: Annotated[float, Quantity("1", infinite=True)] = -math.inf
+    """Lower end"""
+    high: Annotated[float, Quantity("1", infinite=True)] = math.inf
+    """Upper end"""
 
-    def __post_init__(self) -> None:
-        require_finite("Normal", mean=self.mean)
-        require_positive("Normal", deviation=self.deviation)
+    def _check(self) -> None:
         _ordered("Normal", low=self.low, high=self.high)
+        far = max((self.low - self.mean) / self.deviation, (self.mean - self.high) / self.deviation)
+        if far > 30.0:
+            raise ValueError(
+                f"Normal.low = {self.low}, high = {self.high} cut off all but the farthest end of the bell about mean "
+                f"= {self.mean}, {far:.3g} deviations away; move the ends, or use another distribution."
+            )
 
     def quantile(self, share: Array) -> NDArray[Any]:
         """See `Distribution`."""
@@ -67,14 +94,13 @@ class Normal:
 
 
 @dataclass(frozen=True)
-class LogNormal:
+class LogNormal(Declared):
     """Log-normal distribution; `spread` is the standard deviation of the logarithm (0.1: about 10 %)."""
 
-    median: float
-    spread: float
-
-    def __post_init__(self) -> None:
-        require_positive("LogNormal", median=self.median, spread=self.spread)
+    median: Annotated[float, POSITIVE]
+    """Median"""
+    spread: Annotated[float, Quantity("1", above=0.0, at_most=10.0)]
+    """Standard deviation of the logarithm"""
 
     def quantile(self, share: Array) -> NDArray[Any]:
         """See `Distribution`."""
@@ -82,17 +108,19 @@ class LogNormal:
 
 
 @dataclass(frozen=True)
-class Triangular:
+class Triangular(Declared):
     """Triangular distribution from `low` to `high` with its peak at `mode`."""
 
-    low: float
-    mode: float
-    high: float
+    low: Annotated[float, ANY]
+    """Lower end"""
+    mode: Annotated[float, ANY]
+    """Most likely value"""
+    high: Annotated[float, ANY]
+    """Upper end"""
 
-    def __post_init__(self) -> None:
-        require_finite("Triangular", low=self.low, high=self.high)
+    def _check(self) -> None:
         _ordered("Triangular", low=self.low, high=self.high)
-        require_within("Triangular", self.low, self.high, mode=self.mode)
+        require_within("Triangular", self.low, self.high, "put the peak between the ends.", mode=self.mode)
 
     def quantile(self, share: Array) -> NDArray[Any]:
         """See `Distribution`."""
@@ -101,18 +129,23 @@ class Triangular:
 
 
 @dataclass(frozen=True)
-class Choice:
+class Choice(Declared):
     """Choice among several values, numbers or names."""
 
     values: tuple[Any, ...]
-    weights: tuple[float, ...] | None = None
+    """The values"""
+    weights: Annotated[tuple[float, ...] | None, Quantity("1", at_least=0.0)] = None
     """Weight of each value; None: all alike"""
 
-    def __post_init__(self) -> None:
+    def _check(self) -> None:
         if not self.values:
             raise ValueError("Choice.values is empty; give one value at least.")
+        try:
+            json.dumps(self.values, default=repr)
+        except Exception as error:  # a foreign __repr__ may do anything
+            raise ValueError(f"Choice.values cannot be kept ({error}); give numbers or texts.") from None
         weights = self.weights or (1.0,) * len(self.values)
-        if len(weights) != len(self.values) or min(weights) < 0.0 or not sum(weights) > 0.0:
+        if len(weights) != len(self.values) or not 0.0 < sum(weights) < math.inf:
             raise ValueError(f"Choice.weights = {self.weights}: give one weight >= 0 for each of {self.values}.")
 
     def quantile(self, share: Array) -> NDArray[Any]:
@@ -130,22 +163,75 @@ DISTRIBUTIONS = {
 """Distributions by their names in study files; a `Choice` is written as the list of its values."""
 
 
-def grid(values: Mapping[str, Sequence[Any]]) -> list[Case]:
+@dataclass(frozen=True)
+class Range(Sequence[float]):
+    """Evenly spaced values from `begin` to `end`, made only when they are asked for.
+
+    A million million of them take no memory until somebody goes through them.
+    """
+
+    begin: float
+    end: float
+    number: int
+
+    def __len__(self) -> int:
+        return self.number
+
+    def __getitem__(self, n: Any) -> Any:
+        if isinstance(n, slice):
+            return [self[k] for k in range(*n.indices(self.number))]
+        if not -self.number <= n < self.number:
+            raise IndexError(n)
+        return self._value(n % self.number)
+
+    def _value(self, n: int) -> float:
+        if n == self.number - 1 and n > 0:
+            return self.end
+        return self.begin + n * ((self.end - self.begin) / max(self.number - 1, 1))
+
+
+def require_room_for(owner: str, number: int, names: int) -> None:
+    """Raise ValueError if so many cases are beyond `MOST_CASES`, or do not fit into memory; nothing is made for it."""
+    needed = float(number) * (CASE_BYTES + names * VALUE_BYTES) if number < 10**18 else math.inf
+    if number > MOST_CASES:
+        raise ValueError(
+            f"{owner}: {_spelled(number)} cases are too many (about {spelled_size(needed)} of memory, "
+            f"{spelled_size(float(min(number, 10**18)) * ROW_BYTES)} on the disk, and one case a second takes "
+            f"{spelled_time(float(min(number, 10**18)))}); give {MOST_CASES:,} at most, or draw samples instead of a "
+            "full grid."
+        )
+    require_memory(f"{owner}: {number:,} cases of {names} values", needed, "give fewer.")
+
+
+def _spelled(number: int) -> str:
+    return f"{number:,}" if number < 10**15 else f"more than 10^{min(len(str(min(number, 10**300))) - 1, 300)}"
+
+
+@checked
+def grid(values: Mapping[str, Any]) -> list[Case]:
     """Cases with all combinations of values, the last name varying fastest.
 
     Raises
     ------
     ValueError
-        If a name has no values.
+        If a name has no values, or there are more combinations than fit into memory.
     """
     for name, found in values.items():
+        listed = isinstance(found, Sequence) and not isinstance(found, str | bytes)
+        if not listed and getattr(found, "ndim", 0) != 1:  # of a set the order would change from run to run
+            raise ValueError(f"grid: {name} = {shown(found)} must be a list of values, in their order.")
+        if np.ma.is_masked(found):
+            raise ValueError(f"grid: {name} has masked values; leave them out.")
         if not len(found):
             raise ValueError(f"grid: {name} has no values; give one at least.")
-    return [dict(zip(values, row, strict=True)) for row in itertools.product(*values.values())]
+    require_room_for("grid", math.prod(len(found) for found in values.values()), len(values))
+    return [dict(zip(values, map(_plain, row), strict=True)) for row in itertools.product(*values.values())]
 
 
+@checked
 def sample(
-    number: int, distributions: Mapping[str, Distribution], *, method: Method = "sobol", seed: int = 0,
+    number: Annotated[int, Quantity("1", at_least=1.0)], distributions: Mapping[str, Distribution], *,
+    method: Method = "sobol", seed: Annotated[int, SEED] = 0,
     correlations: Mapping[tuple[str, str], float] | None = None,
 ) -> list[Case]:  # fmt: skip
     """Draw cases from distributions.
@@ -167,25 +253,35 @@ def sample(
     Raises
     ------
     ValueError
-        If a correlation names an unknown parameter or the correlations contradict each other.
+        If a correlation names an unknown parameter, the correlations contradict each other, or the cases do not fit
+        into memory.
     """
-    require_within("sample", 1, 10_000_000, number=number)
     names, n = list(distributions), len(distributions)
     if not n:
         raise ValueError("sample: there are no distributions; give one at least.")
+    for name, distribution in distributions.items():
+        if not callable(getattr(distribution, "quantile", None)):
+            raise ValueError(
+                f"sample.distributions: {name} = {shown(distribution)} is no distribution; use Uniform, Normal, "
+                "LogNormal, Triangular or Choice."
+            )
+    require_room_for("sample", number, n)
     rng = np.random.default_rng(seed)
     if method == "random":
         shares = rng.random((number, n))
     elif method == "sobol":
+        if n > qmc.Sobol.MAXDIM:
+            raise ValueError(f"sample.method = 'sobol' knows {qmc.Sobol.MAXDIM} names at most, not {n}; use 'lhs'.")
         shares = qmc.Sobol(n, rng=rng).random_base2(math.ceil(math.log2(number)))[:number]
-    elif method in ("halton", "lhs"):
-        shares = (qmc.Halton if method == "halton" else qmc.LatinHypercube)(n, rng=rng).random(number)
     else:
-        raise ValueError(f"sample.method = {method!r} is not known; use 'sobol', 'halton', 'lhs' or 'random'.")
+        shares = (qmc.Halton if method == "halton" else qmc.LatinHypercube)(n, rng=rng).random(number)
     if correlations:
         shares = _correlated(shares, names, correlations)
     shares = np.clip(shares, 1e-12, 1.0 - 1e-12)
     columns = [distributions[name].quantile(shares[:, k]) for k, name in enumerate(names)]
+    for name, column in zip(names, columns, strict=True):
+        if column.dtype.kind == "f" and not np.isfinite(column).all():
+            raise ValueError(f"sample: {name} = {distributions[name]} gives values that are not finite; narrow it.")
     return [{name: _plain(c[row]) for name, c in zip(names, columns, strict=True)} for row in range(number)]
 
 
@@ -209,8 +305,13 @@ def as_grid(result: xr.Dataset) -> xr.Dataset:
 
 def _correlated(shares: Array, names: list[str], correlations: Mapping[tuple[str, str], float]) -> Array:
     matrix = np.eye(len(names))
-    for (one, other), value in correlations.items():
-        for name in (one, other):
+    for pair, value in correlations.items():
+        if not isinstance(pair, tuple) or len(pair) != 2 or pair[0] == pair[1]:
+            raise ValueError(f"sample.correlations: {shown(pair)} must be two different names.")
+        one, other = pair
+        if not isinstance(value, Real) or isinstance(value, bool):
+            raise ValueError(f"sample.correlations: {one}, {other}: {shown(value)} must be a number between -1 and 1.")
+        for name in pair:
             if name not in names:
                 raise ValueError(f"sample.correlations: {name!r} has no distribution; use {', '.join(names)}.")
         if not -1.0 < value < 1.0:

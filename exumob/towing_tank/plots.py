@@ -14,7 +14,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from exumob.flow.output.pictures import describe, plot_surfaces
 from exumob.support.declared import checked
-from exumob.support.figures import STYLE
+from exumob.support.figures import STYLE, footnote, trust_notes
 from exumob.towing_tank.record import require_captive
 from exumob.vehicle.motion import BODIES
 
@@ -79,6 +79,7 @@ def plot_captive(dataset: xr.Dataset) -> Figure:
             figure = plt.figure(figsize=(11.0, 8.5), layout="constrained")
             plot_captive_loads(figure, dataset)
             figure.suptitle(f"{describe(dataset)}\n{about}", fontsize=10)
+            footnote(figure, *trust_notes([dataset]))
             return figure
         figure = plt.figure(figsize=(11.0, 12.0), layout="constrained")
         parts: Any = figure.subfigures(2, 1, height_ratios=[1.0, 2.3])
@@ -87,4 +88,5 @@ def plot_captive(dataset: xr.Dataset) -> Figure:
         above.suptitle(describe(dataset), fontsize=11, fontweight="bold")
         plot_captive_loads(below, dataset)
         below.suptitle(about, fontsize=9)
+        footnote(below, *trust_notes([dataset]))
     return figure

@@ -27,6 +27,7 @@ from exumob.support.arrays import Array
 from exumob.support.cost import announce, require_memory
 from exumob.support.declared import checked
 from exumob.support.errors import SimulationError, SimulationInterrupted
+from exumob.support.measured import flow_load_error
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import DURATION, Quantity
 from exumob.support.smoothing import window_samples
@@ -196,6 +197,7 @@ class _Run:
                 "parameters": parameters_json(self.parameters),
                 "smoothing_window": window_samples(self.interval) * self.interval,
                 "wall_time": clock.perf_counter() - self.began,
+                "trust": f"flow solver: {flow_load_error()}",
             }
         )  # fmt: skip
 

@@ -1,6 +1,6 @@
 """Vehicles from files: a Python file with one function that takes no argument and returns a `Vehicle`.
 
-A vehicle file is a program: loading it runs what stands in it, with the rights of the user.
+Loading such a file runs it, with all that it imports: load only files that you trust.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import inspect
+import re
 import sys
 import traceback
 from collections.abc import Iterator
@@ -17,103 +18,157 @@ from types import ModuleType
 from typing import Any
 
 from exumob.support.declared import checked
+from exumob.support.quantities import ImplausibleValue
 from exumob.vehicle.parameters import Vehicle
+
+WHAT_IT_IS = "a vehicle file is a Python file with one function that returns a Vehicle; vehicle_models/ holds examples"
+MODULES = "exumob_vehicle_file_"
+"""Begin of the names by which the files are known as modules."""
+
+
+class _FileError(ValueError):
+    """An error about the file as a whole."""
 
 
 @checked
-def load_vehicle(file: Path) -> Vehicle:
+def load_vehicle(file: str | Path) -> Vehicle:
     """Load a vehicle file: a Python file with one function that takes no argument and returns a `Vehicle`.
 
-    The file may import modules that lie beside it.
+    The file is run, with all that it imports; modules that lie beside it can be imported while it is loaded.
+
+    Parameters
+    ----------
+    file : Path
+        Its name ends in ``.py``. Functions whose names begin with an underscore, functions imported from elsewhere, and
+        classes may stand beside the one that makes the vehicle.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it cannot be run, with the line and the error; or if it does not hold exactly one such function.
+        If it is not a Python file, if it breaks while it runs (with file, line, kind and text of the error), or if it
+        does not hold exactly one such function.
     """
-    path = file.expanduser()
+    path = Path(file).expanduser()
     if path.is_dir():
-        raise ValueError(f"vehicle file {path} is a folder; give the Python file in it.")
+        raise ValueError(f"vehicle file {path} is a folder; give a file in it: {WHAT_IT_IS}.")
     if not path.is_file():
         raise FileNotFoundError(f"vehicle file {path} does not exist; vehicle_models/ holds examples.")
-    path = path.resolve()
-    name = f"exumob_vehicle_{hashlib.sha256(str(path).encode()).hexdigest()[:12]}"  # collides with no other module
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise ValueError(f"vehicle file {path} is not a Python file; its name must end in .py.")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look their module up
-    with _modules_beside(path):
-        try:
-            spec.loader.exec_module(module)
-        except (Exception, SystemExit) as error:
-            del sys.modules[name]
-            raise ValueError(f"vehicle file {path} cannot be run: {_where(error, path)}; mend it.") from error
+    if path.suffix != ".py":
+        raise ValueError(f"vehicle file {path} is not a Python file; its name must end in .py ({WHAT_IT_IS}).")
+    with _modules_beside(path), _errors_named(path):
+        module = _run(path)
         maker = _maker(module, path)
-        try:
-            vehicle = maker()
-        except (Exception, SystemExit) as error:
-            hint = "exumob/vehicle/parameters.py lists the fields" if isinstance(error, TypeError) else "mend it"
-            raise ValueError(f"vehicle file {path}: {_where(error, path)}; {hint}.") from error
+        vehicle = maker()
     if not isinstance(vehicle, Vehicle):
-        raise ValueError(f"{path}: {maker.__name__}() returned {type(vehicle).__name__}; it must return a Vehicle.")
+        what = "the class Vehicle itself" if vehicle is Vehicle else type(vehicle).__name__
+        raise ValueError(f"{path}: {maker.__name__}() returned {what}; it must return a Vehicle.")
     return vehicle
 
 
+def _run(path: Path) -> ModuleType:
+    """Run the file as a module of its own.
+
+    Its name cannot be that of another module; it stays known by it, as dataclasses and pickle need.
+    """
+    digest = hashlib.sha256(str(path.resolve()).encode("utf-8", "surrogateescape")).hexdigest()[:12]
+    name = f"{MODULES}{re.sub(r'[^0-9A-Za-z]', '_', path.stem)}_{digest}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None  # its name ends in .py
+    module = importlib.util.module_from_spec(spec)
+    try:
+        code = compile(path.read_bytes(), str(path), "exec", dont_inherit=True)  # no bytecode is kept beside the file
+    except SyntaxError as error:
+        where = f", line {error.lineno}" if error.lineno else ""
+        raise _FileError(
+            f"vehicle file {path} is not Python{where}: {type(error).__name__}: {error.msg}; mend it."
+        ) from None
+    except (ValueError, RecursionError, MemoryError) as error:  # zero bytes, endless nesting
+        raise _FileError(f"vehicle file {path} is not Python: {error or type(error).__name__}; mend it.") from None
+    before = sys.modules.get(name)
+    sys.modules[name] = module
+    try:
+        exec(code, vars(module))
+    except BaseException:
+        if before is None:
+            del sys.modules[name]
+        else:
+            sys.modules[name] = before
+        raise
+    return module
+
+
 def _maker(module: ModuleType, path: Path) -> Any:
-    """The one public function that a file defines itself."""
-    makers = [
-        value
+    """Return the one public function of the file."""
+    makers = {
+        id(value): value  # a second name for one function is no second one
         for name, value in vars(module).items()
         if not name.startswith("_")
         and callable(value)
         and not inspect.isclass(value)
         and getattr(value, "__module__", None) == module.__name__
-        and hasattr(value, "__name__")
-    ]
-    makers = list({id(maker): maker for maker in makers}.values())  # a second name for one function is no second one
+        and hasattr(value, "__name__")  # functions, also decorated ones
+    }
     if len(makers) != 1:
-        found = f": {', '.join(maker.__name__ for maker in makers)}" if makers else ""
-        raise ValueError(
-            f"vehicle file {path} defines {len(makers)} public functions{found}; it must define exactly one (a name "
-            "that begins with _ is not public)."
+        names = f": {', '.join(sorted(maker.__name__ for maker in makers.values()))}" if makers else ""
+        raise _FileError(
+            f"vehicle file {path} defines {len(makers)} public functions{names}; it must define exactly one, which "
+            "returns the vehicle. Begin the names of others with an underscore."
         )
-    try:
-        needed = [p.name for p in inspect.signature(makers[0]).parameters.values() if _must_be_given(p)]
-    except (TypeError, ValueError):  # built in
-        needed = []
+    (maker,) = makers.values()
+    several = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    needed = [
+        p.name for p in inspect.signature(maker).parameters.values() if p.default is p.empty and p.kind not in several
+    ]
     if needed:
-        raise ValueError(f"{path}: {makers[0].__name__} takes arguments ({', '.join(needed)}); it must need none.")
-    return makers[0]
-
-
-def _must_be_given(parameter: inspect.Parameter) -> bool:
-    some = parameter.kind in (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-    return parameter.default is parameter.empty and not some
-
-
-def _where(error: BaseException, path: Path) -> str:
-    """An error with the line of the file at which it came about."""
-    if isinstance(error, SyntaxError):
-        return f"line {error.lineno}: {type(error).__name__}: {error.msg}"
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-    place = f"line {lines[-1]}: " if lines else ""
-    text = " ".join(str(error).split())
-    return f"{place}{type(error).__name__}: {text}" if text else f"{place}{type(error).__name__}"
+        raise _FileError(f"{path}: {maker.__name__} takes arguments ({', '.join(needed)}); it must need none.")
+    return maker
 
 
 @contextmanager
 def _modules_beside(path: Path) -> Iterator[None]:
-    """Let a file import what lies beside it, after all that is installed; later files have modules of their own."""
-    before, folder = set(sys.modules), str(path.parent)
-    sys.path.append(folder)
+    """Let the file import modules that lie beside it while it is loaded.
+
+    They come last, so that they cannot take the place of an installed package, and are forgotten afterwards: another
+    vehicle file, in another folder, may have helpers of the same names.
+    """
+    folder = path.resolve().parent
+    paths, known = list(sys.path), {name.partition(".")[0] for name in sys.modules}
+    sys.path.append(str(folder))
+    importlib.invalidate_caches()
     try:
         yield
     finally:
-        sys.path.remove(folder)
-        for name in set(sys.modules) - before:
-            place = getattr(sys.modules[name], "__file__", None)
-            if place is not None and Path(place).parent == path.parent and Path(place) != path:
-                del sys.modules[name]
+        sys.path[:] = paths
+        if str(folder) not in paths:
+            for name, module in list(sys.modules.items()):
+                if name.partition(".")[0] not in known and not name.startswith(MODULES) and _lies_in(module, folder):
+                    del sys.modules[name]
+
+
+def _lies_in(module: ModuleType, folder: Path) -> bool:
+    places = [getattr(module, "__file__", None), *getattr(module, "__path__", [])]
+    return any(Path(place).resolve().is_relative_to(folder) for place in places if isinstance(place, str))
+
+
+@contextmanager
+def _errors_named(path: Path) -> Iterator[None]:
+    """Turn whatever goes wrong while the file runs into a ValueError that says where."""
+    try:
+        yield
+    except (KeyboardInterrupt, _FileError):
+        raise
+    except BaseException as error:  # SystemExit, too: a file may do anything
+        frames = traceback.extract_tb(error.__traceback__)
+        lines = [frame.lineno for frame in frames if frame.filename == str(path)]
+        where = f", line {lines[-1]}" if lines else ""
+        beside = [f for f in frames if f.filename != str(path) and Path(f.filename).parent == path.resolve().parent]
+        where += f" ({Path(beside[-1].filename).name}, line {beside[-1].lineno})" if beside else ""
+        text = " ".join(str(error).split())[:2000]
+        says_all = type(error) in (ValueError, ImplausibleValue)
+        kind = "" if says_all and text else f"{type(error).__name__}{': ' if text else ''}"
+        hint = "exumob/vehicle/parameters.py lists the fields." if isinstance(error, TypeError) else "mend it."
+        end = "" if text.endswith(".") and not isinstance(error, TypeError) else f"; {hint}"
+        refusal = ImplausibleValue if isinstance(error, ImplausibleValue) else ValueError
+        raise refusal(f"vehicle file {path}{where}: {kind}{text.removesuffix('.') if end else text}{end}") from error

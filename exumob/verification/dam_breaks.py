@@ -16,6 +16,7 @@ import numpy as np
 from exumob.flow import FlowSolver, Grid, Poses, box
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.quantities import unusual
 from exumob.verification.check import Case, Check, absolute, relative, reported
 from exumob.verification.initial import VISCOUS_TANK, centers
 from exumob.water.conditions import Water
@@ -62,7 +63,7 @@ def collapse(cells: int) -> Collapse:
     """Column of Martin & Moyce, n^2 = 2, with `cells` cells to its width, until T = 3.4."""
     size = COLUMN / cells
     grid = Grid.uniform((0, 0, 0), (5 * COLUMN, 4 * size, 2.6 * COLUMN), size)
-    solver = FlowSolver(grid, (), Water(1e-6), replace(VISCOUS_TANK, closure=None))
+    solver = FlowSolver(grid, (), Water(unusual(1e-6)), replace(VISCOUS_TANK, closure=None))
     solver.start()
     fraction = np.zeros(grid.shape)
     fraction[:, : 2 * cells, :cells] = 1.0
@@ -146,7 +147,7 @@ def dam_break_solver(cell_size: float) -> tuple[FlowSolver, int, int]:
         fitted_faces([0.0, middle - 0.5 * width, middle + 0.5 * width, 1.0], cell_size),
         np.linspace(0.0, 1.0, round(1.0 / cell_size) + 1),
     )
-    solver = FlowSolver(grid, (box(length, width, tall + under),), Water(1e-6), VISCOUS_TANK)
+    solver = FlowSolver(grid, (box(length, width, tall + under),), Water(unusual(1e-6)), VISCOUS_TANK)
     solver.start(Poses.at_rest([[front + 0.5 * length, middle, 0.5 * (tall - under)]]))
     share_x = np.clip((1.228 - grid.x_faces[:-1]) / np.diff(grid.x_faces), 0.0, 1.0)
     share_z = np.clip((HEAD - grid.z_faces[:-1]) / float(grid.z_faces[1]), 0.0, 1.0)

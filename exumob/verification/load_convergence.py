@@ -89,7 +89,9 @@ def plot_convergence(found: xr.Dataset) -> Figure:
         finest = float(row["mean"][cells.argmin()])
         ax.errorbar([cells.min() - 0.5], [finest], [float(row["mean_gci"])], fmt="none", capsize=5, label="GCI, finest")
         ax.plot([0.0], [float(row["mean_extrapolated"])], "x", label="extrapolated")
-        ax.set(title=str(load), xlabel="cell size [mm]", ylabel="N m" if str(load).endswith("My") else "N")
+        body, component = str(load).replace("_", " ").rsplit(" ", 1)
+        unit = "N m" if component.startswith("M") else "N"
+        ax.set(title=body, xlabel="cell size [mm]", ylabel=f"${component[0]}_{component[1]}$ [{unit}]")
         ax.set_xlim(left=-1.0)
     for ax in axes[found.sizes["load"] :]:
         ax.set_axis_off()

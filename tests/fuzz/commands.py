@@ -18,23 +18,33 @@ from .outcome import REMEDY, Outcome, outcome_of
 from .targets import BEFORE_FLOW, BEFORE_RUNS, BEFORE_SWEEPS, Target, in_empty_folder, stops
 
 NUMBERS = [
-    "0", "1", "-1", "0.5", "2", "1e-3", "1e-9", "100", "1e9", "1e308", "1e400", "-1e400", "5e-324", "nan", "inf", "-inf", "1_0",
+    "0", "1", "-1", "0.5", "2", "1e-3", "1e-9", "100", "1e9", "1e308", "1e400", "-1e400", "5e-324", "nan", "inf",
+    "-inf", "1_0",
     "١", "0x10", "1,5", "1e", "--", "9" * 400, "0.0", "-0.0", "360", "90", "1e5", "1e-4",
 ]  # fmt: skip
 TEXTS = [
-    "", " ", "[", "[/red]", "[bold]x", "[link=http://x]", ":smile:", "äöü☃𝄞", "a\nb", "\x1b[31mred", "\t", "x" * 5000, "-x", "--help",
-    "../x", "x.nc", "x.png", "x.gif", "none/x.nc", "/", "/dev/full", "/dev/null", ".", "..", "~", "*", "a=b", "a:b", "0:1", "1:0",
-    "nan:nan", "0:inf", "0.4:0.6", "LETE sand", "lete sand", "auto", "cfd", "none", "fast", "True", "\u202e", "\udcff", "%s", "{0}", "$HOME",
-    "water.current_speed=0,0.5", "water.depth=1:2:1e10", "water.depth=0.1:0.2:3", "soil=3", "soil=LETE sand", "hull.mass=nan",
-    "soil.cohesion~normal(1300,200)", "soil.cohesion~normal()", "soil.cohesion~normal(1,2", "soil.n~uniform(2,1)", "x=1", "=", "~", "a=",
-    "maneuver=straight", "duration=1e9", "duration=0.1", "hydrodynamics=coefficients", "vehicle=3", "sloshing", "paper-lstm",
+    "", " ", "[", "[/red]", "[bold]x", "[link=http://x]", ":smile:", "äöü☃𝄞", "a\nb", "\x1b[31mred", "\t", "x" * 5000,
+    "-x", "--help",
+    "../x", "x.nc", "x.png", "x.gif", "none/x.nc", "/", "/dev/full", "/dev/null", ".", "..", "~", "*", "a=b", "a:b",
+    "0:1", "1:0",
+    "nan:nan", "0:inf", "0.4:0.6", "LETE sand", "lete sand", "auto", "cfd", "none", "fast", "True", "\u202e", "\udcff",
+    "%s", "{0}", "$HOME",
+    "water.current_speed=0,0.5", "water.depth=1:2:1e10", "water.depth=0.1:0.2:3", "soil=3", "soil=LETE sand",
+    "hull.mass=nan",
+    "soil.cohesion~normal(1300,200)", "soil.cohesion~normal()", "soil.cohesion~normal(1,2", "soil.n~uniform(2,1)",
+    "x=1", "=", "~", "a=",
+    "maneuver=straight", "duration=1e9", "duration=0.1", "hydrodynamics=coefficients", "vehicle=3", "sloshing",
+    "paper-lstm",
 ]  # fmt: skip
 
 BEGINNINGS = stops(
     "exumob.learning.training.ProcessPoolExecutor", "exumob.learning.onnx_export.export_onnx",
     "exumob.simulation.ensemble.simulate", "exumob.commands.verify.with_progress",
 )  # fmt: skip
-NAMED = re.compile(r"--[a-z][a-z-]*|\b[A-Za-z_.]+\.[a-z_]+\b|'[A-Z_]+(\.\.\.)?'|'[A-Z]+'|simulate|maneuver|parameter")
+NAMED = re.compile(
+    r"--[a-z][a-z-]*|\b[A-Za-z_.]+\.[a-z_]+\b|'[A-Z_]+(\.\.\.)?'|'[A-Z]+'|simulate|maneuver|parameter|checkpoint|"
+    r"hydrodynamics|(vehicle|study) file"
+)
 """How an error says what it speaks of: an option, a field, an argument of the command line"""
 BASES = {
     "lane-change": [
@@ -43,7 +53,7 @@ BASES = {
         ["--hydrodynamics", "coefficients"],
         ["--hydrodynamics", "cfd"],
     ],
-    "captive": [[], ["--coarse", "--cell-size", "0.04"]],
+    "captive": [["--duration", "0.1"], ["--duration", "0.1", "--coarse", "--cell-size", "0.04"]],
     "sweep": [["--vary", "water.current_speed=0,0.5,1"], ["--vary", "soil.cohesion~normal(1300,200)"], []],
     "map": [["--draws", "1"], []],
     "train": [[]],

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from hypothesis import strategies as st
@@ -24,11 +24,32 @@ from .targets import BEFORE_SWEEPS, Target, _numbers, in_empty_folder, verify_ob
 ROOT = Path(__file__).parents[2]
 
 
-def damaged(whole: Callable[[], bytes]) -> st.SearchStrategy[bytes]:
+class Content(NamedTuple):
+    """What a file holds, and how it came about."""
+
+    data: bytes
+    story: str
+
+    def __repr__(self) -> str:
+        return f"{self.story}: {self.data[:200]!r}{'...' if len(self.data) > 200 else ''}"
+
+
+class Folder(NamedTuple):
+    """Files of a folder, and what was done to one of them."""
+
+    files: dict[str, bytes]
+    name: str
+    story: str
+
+    def __repr__(self) -> str:
+        return f"{self.name} {self.story}: {self.files.get(self.name, b'')[:300]!r}"
+
+
+def damaged(whole: Callable[[], bytes]) -> st.SearchStrategy[Content]:
     """A file that was cut off, overwritten, doubled, or is another one."""
 
     @st.composite
-    def build(draw: Any) -> bytes:
+    def build(draw: Any) -> Content:
         data = bytearray(whole())
         way = draw(st.sampled_from(["whole", "cut", "flip", "flip", "front", "insert", "remove", "double", "other"]))
         place = draw(st.integers(0, len(data) - 1))
@@ -46,25 +67,27 @@ def damaged(whole: Callable[[], bytes]) -> st.SearchStrategy[bytes]:
         elif way == "double":
             data = data * 2
         elif way == "other":
-            return draw(st.sampled_from(OTHER_FILES))
-        return bytes(data)
+            data = bytearray(draw(st.sampled_from(OTHER_FILES)))
+        return Content(bytes(data), f"{way}, {place}")
 
     return build()
 
 
 OTHER_FILES = [
-    b"", b"\0", b"\n", b"{}", b"[]", b"null", b"a,b\n1,2\n", b"\xff\xfe\x00", b"\x89HDF\r\n\x1a\n", b"PK\x03\x04", b"CDF\x01",
+    b"", b"\0", b"\n", b"{}", b"[]", b"null", b"a,b\n1,2\n", b"\xff\xfe\x00", b"\x89HDF\r\n\x1a\n", b"PK\x03\x04",
+    b"CDF\x01",
     b"time [s]\n", "käse;1\n".encode("latin-1"), b"\x00" * 100, b"x" * 10_000, b"1e999\n", b"\xef\xbb\xbf",
 ]  # fmt: skip
 """Contents of quite other files"""
 
 
-def damaged_text(whole: Callable[[], str], pieces: list[str]) -> st.SearchStrategy[bytes]:
+def damaged_text(whole: Callable[[], str], pieces: list[str]) -> st.SearchStrategy[Content]:
     """A text some of whose words are replaced by others, or lines left out or doubled; or a damaged file."""
 
     @st.composite
-    def build(draw: Any) -> bytes:
+    def build(draw: Any) -> Content:
         lines = whole().splitlines()
+        story = ""
         for _ in range(draw(st.integers(1, 3))):
             n = draw(st.integers(0, len(lines) - 1))
             way = draw(st.sampled_from(["word", "word", "word", "line", "drop", "twice"]))
@@ -78,22 +101,24 @@ def damaged_text(whole: Callable[[], str], pieces: list[str]) -> st.SearchStrate
                 del lines[n]
             else:
                 lines.insert(n, lines[n])
+            story += f"{way} in line {n + 1}: {lines[n][:60] if n < len(lines) else ''!r}; "
             lines = lines or [""]
-        return "\n".join(lines).encode("utf-8", "surrogatepass")
+        return Content("\n".join(lines).encode("utf-8", "surrogatepass"), story)
 
     return st.one_of(build(), build(), damaged(lambda: whole().encode()))
 
 
 def file_target(
-    name: str, file: str, contents: st.SearchStrategy[bytes], load: Callable[[Path], Any], *,
-    also: tuple[str, ...] = (), verify: Callable[[Any], None] | None = None, around: Any = None, time_limit: float = 20.0,
+    name: str, file: str, contents: st.SearchStrategy[Content], load: Callable[[Path], Any], *,
+    also: tuple[str, ...] = (), verify: Callable[[Any], None] | None = None, around: Any = None,
+    time_limit: float = 20.0,
 ) -> Target:  # fmt: skip
     """A function that reads a file."""
 
-    def answer(content: bytes) -> Outcome:
+    def answer(content: Content) -> Outcome:
         with in_empty_folder() as folder:
             path = folder / file
-            path.write_bytes(content)
+            path.write_bytes(content.data)
             if around is None:
                 return outcome_of(lambda: load(path), [file, *also], verify=verify, time_limit=time_limit)
             with around():
@@ -105,17 +130,24 @@ def file_target(
 # -- the files ---------------------------------------------------------------------------------------------------------
 
 EXPRESSIONS = [
-    "1/0", "raise KeyError('x')", "raise RuntimeError", "raise SystemExit(3)", "import nothing_of_this_name", "0.0", "-1.0", "'a'",
-    "None", "float('nan')", "10**400", "[1]", "Hull(", ")", "}", "def f(a): return 3", "def f(): return 3", "x = lambda: 3",
-    "class A: pass", "return", "    ", "\t", "\x00", "äöü = 3", "mass=1e9,", "width=0.8e3,", "assert False", "del Vehicle",
-    "exit()", "length=1000.0,", "\ud800", "from __future__ import annotations", "unknown=3,", "while False: pass", "[/red]",
+    "1/0", "raise KeyError('x')", "raise RuntimeError", "raise SystemExit(3)", "import nothing_of_this_name", "0.0",
+    "-1.0", "'a'",
+    "None", "float('nan')", "10**400", "[1]", "Hull(", ")", "}", "def f(a): return 3", "def f(): return 3",
+    "x = lambda: 3",
+    "class A: pass", "return", "    ", "\t", "\x00", "äöü = 3", "mass=1e9,", "width=0.8e3,", "assert False",
+    "del Vehicle",
+    "exit()", "length=1000.0,", "\ud800", "from __future__ import annotations", "unknown=3,", "while False: pass",
+    "[/red]",
 ]  # fmt: skip
 VALUES = [
     "3", "-1", "1e999", "nan", "true", "'a'", '""', "[]", "{}", "[3]", "[0.5, 1.0]", "{ from = 0, to = 1, number = 3 }",
     "{ from = 0, to = 1, number = 1e10 }", "{ normal = [1.0] }", "{ normal = [1300.0, 200.0] }", "{ uniform = [2, 1] }",
-    "base = 3", "sample = []", "vary = 'x'", "correlations = 3", "soil = [3]", "maneuver = 'straight'", "[sample]", "[other]",
-    "maneuver.speed = 4.0", "number = 10", "number = -1", "seed = 'x'", "method = 'none'", "water = 3", "water.depth = 1979-05-27",
-    "hull.mass = 1e400", "=", "[", "\x00", "äöü", "vehicle = 'none.py'", "vehicle = 3", "hydrodynamics.member = 99", "setting = 'x'",
+    "base = 3", "sample = []", "vary = 'x'", "correlations = 3", "soil = [3]", "maneuver = 'straight'", "[sample]",
+    "[other]",
+    "maneuver.speed = 4.0", "number = 10", "number = -1", "seed = 'x'", "method = 'none'", "water = 3",
+    "water.depth = 1979-05-27",
+    "hull.mass = 1e400", "=", "[", "\x00", "äöü", "vehicle = 'none.py'", "vehicle = 3", "hydrodynamics.member = 99",
+    "setting = 'x'",
 ]  # fmt: skip
 STUDY = """[base]
 soil = "LETE sand"
@@ -176,7 +208,8 @@ def histories_file() -> str:
     n = 41
     time = np.linspace(0.0, 0.2, n)
     columns = {"time [s]": time}
-    places = {"hull": (0.0, 0.0), "front_left": (0.357, 0.33), "front_right": (0.357, -0.33), "rear_left": (-0.357, 0.33),
+    places = {"hull": (0.0, 0.0), "front_left": (0.357, 0.33), "front_right": (0.357, -0.33), "rear_left": (-0.357,
+    0.33),
               "rear_right": (-0.357, -0.33)}  # fmt: skip
     for body, (x, y) in places.items():
         columns |= {
@@ -199,7 +232,9 @@ def mesh_file() -> bytes:
     """A watertight box as STL."""
     import trimesh
 
-    return bytes(trimesh.creation.box((1.0, 0.44, 0.2), np.eye(4) + np.eye(4, k=3) * 0.0).export(file_type="stl"))
+    box = trimesh.creation.box((1.0, 0.44, 0.2))
+    box.apply_translation((0.0, 0.0, 0.178))
+    return bytes(box.export(file_type="stl"))
 
 
 def _wetted_hull(path: Path) -> Any:
@@ -260,7 +295,7 @@ def sweep_folder() -> dict[str, bytes]:
 
 
 @st.composite
-def damaged_sweeps(draw: Any) -> tuple[dict[str, bytes], str]:
+def damaged_sweeps(draw: Any) -> Folder:
     """A sweep's folder one file of which is missing, damaged, or in another's place."""
     files = dict(sweep_folder())
     name = draw(st.sampled_from(sorted(files)))
@@ -268,18 +303,18 @@ def damaged_sweeps(draw: Any) -> tuple[dict[str, bytes], str]:
     if way == "missing":
         del files[name]
     elif way == "damaged":
-        files[name] = draw(damaged(lambda: files[name] or b"{}"))
+        files[name] = draw(damaged(lambda: files[name] or b"{}")).data
     elif way == "copied":
         files[draw(st.sampled_from(sorted(files)))] = files[name]
     else:
         files["cases/" + draw(st.sampled_from(["notes.json", "99.json", "x", "0.json.partial", "-1.json"]))] = b"{}"
-    return files, name
+    return Folder(files, name, way)
 
 
-def _answer_of_sweep(given: tuple[dict[str, bytes], str]) -> Outcome:
+def _answer_of_sweep(given: Folder) -> Outcome:
     from exumob.sweeps.run import sweep
 
-    files, name = given
+    files, name, _ = given
     with in_empty_folder() as folder, BEFORE_SWEEPS():
         for file, content in files.items():
             path = folder / "sweep" / file
@@ -325,10 +360,12 @@ def file_targets() -> list[Target]:
         file_target("study file", "study.toml", damaged_text(lambda: STUDY, VALUES), _read_study, verify=_verify_study,
                     also=("study file",)),
         file_target("networks file", "small.safetensors", damaged(networks_file), _load_networks),
-        file_target("histories, CSV", "run.csv", damaged_text(histories_file, ["nan", "", ",", "1e30", "'", "time", "[mm]", "ä"]),
+        file_target("histories, CSV", "run.csv", damaged_text(histories_file, ["nan", "", ",", "1e30", "'", "time",
+        "[mm]", "ä"]),
                     _import, verify=_verify_run),
         file_target("histories, netCDF", "run.nc", damaged(result_file), _import, verify=_verify_run),
-        file_target("mesh file", "hull.stl", damaged(mesh_file), _wetted_hull, also=("Hull.mesh",), verify=_verify_surface),
+        file_target("mesh file", "hull.stl", damaged(mesh_file), _wetted_hull, also=("Hull.mesh",),
+        verify=_verify_surface),
         file_target("checkpoint", "run.npz", damaged(checkpoint_file), _resume, verify=None, also=("checkpoint",)),
         Target("folder of a sweep", damaged_sweeps(), _answer_of_sweep, group="files"),
     ]  # fmt: skip

@@ -83,7 +83,8 @@ def scene(number: int) -> dict[str, Any]:
     if rng.random() < 0.5:
         soil = varied(rng, soil, 0.4, 2.0)
     soil = replace(
-        soil, pressure_form=rng.choice(["bekker", "bekker", "reece"]), shear_limit=rng.choice(["per_axis", "resultant"]),
+        soil, pressure_form=rng.choice(["bekker", "bekker", "reece"]), shear_limit=rng.choice(["per_axis",
+        "resultant"]),
         rebound_ratio=rng.choice([0.0, 0.1, 0.5]),
     )  # fmt: skip
     found: dict[str, Any] = {"vehicle": vehicle, "soil": soil, "maneuver": maneuver(rng)}
@@ -124,7 +125,20 @@ def _finite_or_documented(variable: xr.Variable) -> bool:
 
 
 SOILS = [row.soil for row in Soil.published_table()]
-NAMES = ("run", "vehicle", "maneuver", "terrain", "soil", "water", "simulate", "settle", "s:", "hydrodynamics", "wheel")
+NAMES = (
+    "run",
+    "vehicle",
+    "maneuver",
+    "terrain",
+    "soil",
+    "water",
+    "simulate",
+    "settle",
+    "s:",
+    "hydrodynamics",
+    "wheel",
+    "CoefficientHydrodynamics",
+)
 """Words of which an error of a run holds one, beside the vehicle's name"""
 
 

@@ -239,9 +239,9 @@ def _of_kind(hint: Any, quantity: Quantity | None = None) -> st.SearchStrategy[G
     if hint in EXAMPLES:
         return st.sampled_from(EXAMPLES[hint])
     if origin in (typing.Union, types.UnionType):
-        parts = [part for part in inner if not (quantity and quantity.shape and typing.get_origin(part) is not None)]
         if quantity is not None and quantity.shape is not None:
-            return st.one_of(_arrays(quantity), st.just(plain(None, "valid" if type(None) in parts else "refused")))
+            none = [st.just(plain(None, "valid"))] if type(None) in inner else []
+            return st.one_of(_arrays(quantity), *none)
         return st.one_of([_of_kind(part, quantity) for part in inner])
     if quantity is not None and quantity.shape is not None:
         return _arrays(quantity)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import functools
 import importlib
 import inspect
 import json
@@ -81,7 +82,7 @@ OTHER_CLASSES = (
     "sweeps.tuning.Simplex", "mobility.crossing.Limits", "mobility.crossing.Crossing", "mobility.map.Axis",
     "mobility.map.MobilityMap", "surrogates.networks.Architecture", "learning.presets.Preset",
 )  # fmt: skip
-"""Classes that users make and that are not declared everywhere, by module and name; `declared_classes` finds the rest"""
+"""Classes that users make and that are not declared everywhere, by module and name; `declared_classes` finds others"""
 
 
 def user_classes() -> list[type]:
@@ -98,7 +99,9 @@ def base_of(owner: type) -> dict[str, Given]:
     """Valid values of all fields that must be given."""
     if owner in EXAMPLES:
         thing = EXAMPLES[owner][0].make()
-        return {f.name: Given(f.name, lambda v=getattr(thing, f.name): v, "valid") for f in fields(thing) if f.init}
+        return {
+            f.name: Given(f.name, functools.partial(getattr, thing, f.name), "valid") for f in fields(thing) if f.init
+        }  # fmt: skip
     hints = typing.get_type_hints(owner, include_extras=True)
     found = {}
     for f in fields(owner):
@@ -187,7 +190,8 @@ def _finite_if_number(name: str, value: Any) -> None:
 
 NAMED = {
     "hull.mass": 40.0, "wheelbase": 0.8, "soil": "LETE sand", "soil.cohesion": 1e3, "soil.n": 0.7, "water.depth": 0.1,
-    "water.depth_ratio": 0.5, "water.current_speed": 1.0, "maneuver": "straight", "maneuver.speed": 5.0, "duration": 1.0,
+    "water.depth_ratio": 0.5, "water.current_speed": 1.0, "maneuver": "straight", "maneuver.speed": 5.0,
+    "duration": 1.0,
     "hydrodynamics": "coefficients", "hydrodynamics.member": 1, "hydrodynamics.hull_surge_drag": 1.0, "setting": "fine",
     "micro_step": 5e-4, "suspension.stiffness": 4e3, "wheel.diameter": 0.21, "hull": 3, "unknown.name": 1.0, "": 1.0,
 }  # fmt: skip
@@ -248,9 +252,10 @@ def in_empty_folder() -> Iterator[Path]:
 
 def function_target(
     name: str, function: Callable[..., Any], base: Mapping[str, Any], *, around: Any = contextlib.nullcontext,
-    verify: Callable[[Any], None] | None = None, leave: tuple[str, ...] = (), also: tuple[str, ...] = (), weight: int = 1,
+    verify: Callable[[Any], None] | None = None, leave: tuple[str, ...] = (), also: tuple[str, ...] = (),
+    weight: int = 1,
     clear: tuple[type[BaseException], ...] = (ValueError, exumob.SimulationError), files: bool = False,
-    hints: Mapping[str, Any] | None = None,
+    hints: Mapping[str, Any] | None = None, inputs: st.SearchStrategy[dict[str, Given]] | None = None,
 ) -> Target:  # fmt: skip
     """A function whose arguments are given anything.
 
@@ -272,11 +277,13 @@ def function_target(
         The call may write files: it works in an empty folder.
     hints : mapping, optional
         Types of arguments that the function does not declare.
+    inputs : strategy, optional
+        Arguments, instead of those made from the declared types.
     """
     known = _hints_of(function) | dict(hints or {})
     parameters = inspect.signature(function).parameters
     varied = {
-        n: typing.Optional[known.get(n, Any)] if p.default is None else known.get(n, Any) for n, p in parameters.items()
+        n: known.get(n, Any) | None if p.default is None else known.get(n, Any) for n, p in parameters.items()
         if n not in leave and p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and n != "self"
     }  # fmt: skip
 
@@ -291,7 +298,7 @@ def function_target(
                 lambda: function(*positional, **values), [*names, *also], refused=refused, verify=verify, clear=clear
             )
 
-    return Target(name, changes(varied), answer, weight)
+    return Target(name, changes(varied) if inputs is None else inputs, answer, weight)
 
 
 def _hints_of(function: Callable[..., Any]) -> dict[str, Any]:
@@ -360,18 +367,21 @@ def function_targets() -> list[Target]:
     small_map = EXAMPLES[examples.MobilityMap][0].make()
     f = function_target
     return [
-        f("simulate, before the run", exumob.simulate, scene, around=BEFORE_RUNS, files=True, weight=4, also=("maneuver",)),
+        f("simulate, before the run", exumob.simulate, scene, around=BEFORE_RUNS, files=True, weight=4,
+        also=("maneuver",)),
         f("lane_change", exumob.lane_change, {}, verify=verify_object),
         f("lane_shift", lane_shift, {}),
         f("unusual", exumob.unusual, {"value": 1.0}),
         f("wheel_soil_forces", exumob.wheel_soil_forces, contact, verify=_verify_forces, weight=2),
         f("load_dataset", exumob.load_dataset, {"file": "none.nc"}, files=True, clear=(ValueError, FileNotFoundError)),
         f("load_vehicle", exumob.load_vehicle, {"file": "none.py"}, files=True, clear=(ValueError, FileNotFoundError)),
-        f("save_dataset", exumob.save_dataset, {"dataset": EXAMPLES[examples.xr.Dataset][0].make(), "file": "x.nc"}, files=True,
+        f("save_dataset", exumob.save_dataset, {"dataset": EXAMPLES[examples.xr.Dataset][0].make(), "file": "x.nc"},
+        files=True,
           clear=(ValueError, OSError)),
         f("summary", exumob.summary, {"dataset": EXAMPLES[examples.xr.Dataset][0].make()}),
         f("Recorded", exumob.Recorded, dict(zip(("time", "steering", "wheel_speed"), examples.RAMP, strict=True)),
           verify=_verify_recorded, weight=2),
+        f("Recorded, series", exumob.Recorded, {}, inputs=series(), verify=_verify_recorded, weight=2),
         f("CoefficientHydrodynamics", exumob.CoefficientHydrodynamics, {}),
         f("Soil.published", exumob.Soil.published, {"name": "LETE sand"}),
         f("Soil.pressure", sand.pressure, {"sinkage": 0.01, "width": 0.1}, verify=lambda p: finite("pressure", p)),
@@ -381,26 +391,33 @@ def function_targets() -> list[Target]:
         f("Terrain.height_and_normal", exumob.Terrain.slope(0.1).height_and_normal, {"x": 1.0, "y": 2.0}),
         f("setting_named", setting_named, {"name": "fast"}, also=("setting",)),
         f("maneuver_named", maneuver_named, {"name": "straight"}, also=("maneuver",)),
-        f("hydrodynamics_named", hydrodynamics_named, {"name": "coefficients", "vehicle": vehicle, "water": water}, files=True,
+        f("hydrodynamics_named", hydrodynamics_named, {"name": "coefficients", "vehicle": vehicle, "water": water},
+        files=True,
           also=("hydrodynamics",)),
         f("SurrogateHydrodynamics", SurrogateHydrodynamics, {}, files=True),
         f("CfdHydrodynamics", CfdHydrodynamics, {}),
         f("BuiltInFlow", BuiltInFlow, {}),
         f("Grid", Grid, dict.fromkeys(("x_faces", "y_faces", "z_faces"), np.linspace(0.0, 1.0, 9))),
         f("vehicle_window", vehicle_window, {"vehicle": vehicle, "cell_size": 0.05, "water": water}),
-        f("captive_run, before the flow", captive_run, {"vehicle": vehicle, "water": water, "cell_size": 0.018, "allow_coarse": True},
-          around=BEFORE_FLOW, files=True, also=("motion",), weight=2),
-        f("Experiment.with_values", experiment.with_values, {"values": {}}, also=tuple(NAMED), hints={"values": Values}, verify=lambda e: verify_object(e.vehicle)),
-        f("sweep, before the runs", sweep, {"function": experiment, "cases": cases, "folder": "sweep"}, around=BEFORE_SWEEPS,
+        f("captive_run, before the flow", captive_run, {"vehicle": vehicle, "water": water, "cell_size": 0.018,
+        "allow_coarse": True},
+          around=BEFORE_FLOW, files=True, also=("motion", "Grid", "window"), weight=2),
+        f("Experiment.with_values", experiment.with_values, {"values": {}}, also=tuple(NAMED),
+        hints={"values": Values}, verify=lambda e: verify_object(e.vehicle)),
+        f("sweep, before the runs", sweep, {"function": experiment, "cases": cases, "folder": "sweep"},
+        around=BEFORE_SWEEPS,
           files=True, weight=2, hints={"cases": typing.Any}),
         f("sweep of a function, before the runs", sweep, {"function": _numbers, "cases": cases, "folder": "sweep"},
           around=BEFORE_SWEEPS, files=True, hints={"cases": typing.Any}),
-        f("sample", sample, {"number": 8, "distributions": {"a": Normal(0.0, 1.0)}}, verify=_verify_cases, weight=2),
+        f("sample", sample, {"number": 8, "distributions": {"a": Normal(0.0, 1.0)}}, verify=_verify_cases,
+          weight=2, also=("sample",)),
         f("grid", grid, {"values": {"a": [1.0, 2.0]}}, also=("grid",)),
         f("tune, before the runs", tune,
-          {"experiment": experiment, "ranges": {"soil.cohesion": (1e3, 2e3)}, "objective": _objective, "folder": "tuning"},
+          {"experiment": experiment, "ranges": {"soil.cohesion": (1e3, 2e3)}, "objective": _objective,
+          "folder": "tuning"},
           around=BEFORE_TUNING, files=True),
-        f("compute_map, before the runs", compute_map, {"wanted": small_map, "folder": "map"}, around=BEFORE_SWEEPS, files=True),
+        f("compute_map, before the runs", compute_map, {"wanted": small_map, "folder": "map"}, around=BEFORE_SWEEPS,
+        files=True),
         f("judge", judge, {"run": EXAMPLES[examples.xr.Dataset][0].make()}),
         f("judge_crossing", judge_crossing, {"run": EXAMPLES[examples.xr.Dataset][0].make(), "limits": Limits()}),
         f("from_options", from_options,
@@ -409,6 +426,23 @@ def function_targets() -> list[Target]:
         f("parse_variation", parse_variation, {"text": "a=0:1:3"}, also=("--vary",)),
         f("training_runs", training_runs, {"folder": "none"}, files=True, clear=(ValueError, FileNotFoundError)),
     ]  # fmt: skip
+
+
+@st.composite
+def series(draw: Any) -> dict[str, Given]:
+    """A recorded maneuver, equally long series some values of which are odd."""
+    n = draw(st.integers(3, 30))
+    rng = np.random.default_rng(draw(st.integers(0, 999)))
+    time = np.concatenate([[0.0], np.cumsum(rng.uniform(1e-3, 1.0, n - 1))]) * draw(st.sampled_from([1.0, 1e-6, 1e3]))
+    parts = {
+        "time": time,
+        "steering": rng.uniform(-0.5, 0.5, n),
+        "wheel_speed": np.concatenate([[0.0], rng.uniform(-30.0, 30.0, n - 1)]),
+    }
+    for name in draw(st.lists(st.sampled_from(list(parts)), max_size=2)):
+        at = draw(st.integers(0, n - 1))
+        parts[name][at] = draw(st.one_of(st.floats(), st.floats(-2.0, 2.0), st.just(parts[name][at - 1])))
+    return {name: Given(repr(part.tolist()), lambda part=part: part) for name, part in parts.items()}
 
 
 def _verify_recorded(recorded: exumob.Recorded) -> None:

@@ -152,14 +152,6 @@ def test_stands_and_drives_on_a_height_field(vehicle, sand):
             assert 0.1 - (center[2] - height) * normal[2] == pytest.approx(sinkage, abs=1e-9)
 
 
-def test_a_vehicle_swept_away_has_no_equilibrium(vehicle, sand):
-    """Afloat in D150 nothing holds it against the current: settle() promises a SimulationError."""
-    with pytest.raises(
-        exumob.support.errors.SimulationError, match=r"equilibrium.*Lower the water depth or the current"
-    ):
-        simulate(vehicle, sand, Water.at_ratio(1.5, 1.0), STILL, duration=0.1, micro_step=1e-3, macro_step=20e-3)
-
-
 # -- ballistics --------------------------------------------------------------------------------------------------------
 
 

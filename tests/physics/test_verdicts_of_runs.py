@@ -51,6 +51,26 @@ def test_afloat(vehicle, sand):
     assert math.isnan(summary(run)["mean_slip"])
 
 
+def test_swept_away_afloat(vehicle, sand):
+    """Nothing holds it in a current from the side: aside at once; the wheels push hardly at all."""
+    water = Water(0.5, 1.0, current_direction=0.5 * math.pi)
+    found = verdict_on(simulate(vehicle, sand, water, AHEAD, "coefficients", duration=0.8))
+    assert found.kind == "swept away"
+    assert found.since < 0.2
+    assert {"afloat", "stuck"} <= {condition.kind for condition in found.conditions}
+
+
+def test_slides_down_a_slope_on_locked_wheels(vehicle, sand):
+    """A slope of 30 degrees of a soil that holds 20: it slides back, from 0.02 sqrt(g L) on."""
+    soil = replace(sand, cohesion=0.0, friction_angle=math.radians(20.0))
+    slope = Terrain(slope_x=math.tan(math.radians(30.0)))
+    run = simulate(vehicle, soil, None, ConstantSteer(speed=0.0), duration=0.9, terrain=slope)
+    found = verdict_on(run)
+    assert found.kind == "slides"
+    assert 0.0 < found.since < 0.7
+    assert run["forward_velocity"].sel(time=found.since, method="nearest") == pytest.approx(-0.053, abs=0.01)
+
+
 def test_submerged(vehicle, sand):
     """Twice as heavy as the water that it displaces, 0.5 m deep: it drives on the bed, with the deck under water."""
     heavy = replace(vehicle, hull=replace(vehicle.hull, mass=180.0))

@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from exumob.__main__ import app
+from exumob.mobility.crossing import FAILURES
 from exumob.simulation.result_files import load_dataset
 
 SHORT = ["--duration", "0.2", "--micro-step", "5e-4", "--macro-step", "20e-3"]
@@ -288,7 +289,8 @@ def test_vehicle_that_the_networks_do_not_know_gets_the_coefficient_model(tmp_pa
     car = Path(__file__).parents[2] / "vehicle_models" / "light_4x4.py"
     answer = lane_change("--vehicle", car, "--output", tmp_path / "run.nc")
     assert answer.exit_code == 0, answer.output
-    assert re.search("light 4x4: .*published coefficients.* they were trained with", caplog.text)
+    assert "trust                 coefficients, not validated: this vehicle (light 4x4) was never" in answer.output
+    assert re.search("light 4x4: no networks know this vehicle .*trained with.*published coefficients", caplog.text)
     assert load_dataset(tmp_path / "run.nc").attrs["hydrodynamics"] == "CoefficientHydrodynamics"
 
 
@@ -300,8 +302,16 @@ def test_map_is_computed_drawn_and_written_as_a_table(tmp_path):
     files = "--output", tmp_path / "map", "--figure", tmp_path / "map.png", "--csv", tmp_path / "map.csv"
     answer = call("map", *options, *files)
     assert answer.exit_code == 0, answer.output
-    assert "of 4 nodes" in answer.output
+    assert "of 4 computed nodes; one run a node, without scatter: no chance is known." in answer.output
+    assert "outside the training range" not in answer.output  # coefficients have none
+    assert "trust     coefficients, beyond what was measured: depth ratio 0.36 to 0.64 (0.4 to 0.6)" in answer.output
     result = load_dataset(tmp_path / "map" / "map.nc").squeeze("panel")
     assert float(result["speed"].sel(y=0.36, x=0.0)) > float(result["speed"].sel(y=0.64, x=1.2)) > 0.0
     assert (tmp_path / "map.png").stat().st_size > 10_000
-    assert len((tmp_path / "map.csv").read_text().splitlines()) == 5
+    header, *rows = (tmp_path / "map.csv").read_text().splitlines()
+    assert header.startswith("panel,water.depth_ratio [-],water.current_speed [m/s],probability [-]")
+    assert len(rows) == 4
+    assert all(any(name in row for name in FAILURES) for row in rows)
+    other = call("map", *options, "--width", 8, "--output", tmp_path / "map")
+    assert other.exit_code == 2
+    assert "another map: crossing.limits.width was 12.0, and is 8.0" in " ".join(other.output.split())

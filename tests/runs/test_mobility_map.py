@@ -48,6 +48,9 @@ def test_refined_map_has_the_border_of_the_full_one(tmp_path):
     assert set(np.unique(full["failure"])) == {0, FAILURES.index("too slow")}
     np.testing.assert_array_equal(quick["failure"].values == -1, ~there)
     assert load_dataset(tmp_path / "full" / "map.nc").identical(full)
+    assert np.isnan(full["out_of_range"]).all()  # coefficients have no training range
+    assert "depth ratio 0.3 to 0.7 (0.4 to 0.6)" in full.attrs["trust"]
+    assert (full["x"].attrs["units"], full["y"].attrs["units"]) == ("m s-1", "1")
 
 
 def test_a_map_goes_on_where_it_was(tmp_path):
@@ -57,7 +60,7 @@ def test_a_map_goes_on_where_it_was(tmp_path):
     again = compute_map(wanted, tmp_path)
     assert {f: f.stat().st_mtime_ns for f in (tmp_path / "level0" / "cases").iterdir()} == files
     np.testing.assert_array_equal(first["probability"], again["probability"])
-    with pytest.raises(ValueError, match="another sweep"):
+    with pytest.raises(ValueError, match=r"another map: crossing\.limits\.drift was 1\.0, and is 2\.0"):
         compute_map(replace(wanted, crossing=Ellipse(QUICK, Limits(window=0.5, drift=2.0))), tmp_path)
 
 

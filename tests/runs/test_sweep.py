@@ -15,6 +15,7 @@ import pytest
 from exumob.simulation.result_files import load_dataset
 from exumob.support.errors import SimulationError
 from exumob.sweeps import grid, sweep
+from exumob.sweeps.case_store import StorageError
 from exumob.sweeps.experiment import amphibious_lane_change
 
 HERE = Path(__file__).parent
@@ -52,6 +53,20 @@ def faulty(case):
     if how == "abort":
         os.abort()
     return {"value": 1.0}
+
+
+def filling(case):
+    """From the fourth case on no file can grow: what a full disk does."""
+    if case["x"] >= 3 and case["full"]:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+    return {"square": case["x"] ** 2}
+
+
+def wrong(case):
+    """Returns what no row can hold."""
+    return case["x"] * ["no numbers"]
 
 
 def test_results_and_parameters_are_gathered(tmp_path):
@@ -100,17 +115,41 @@ def test_another_sweep_is_refused(tmp_path):
         sweep(noted, [{"x": 1}], tmp_path)
 
 
-@pytest.mark.parametrize("arguments, options, word", [
-    ((square, []), {}, "cases is empty"),
-    ((square, [{"x": 1}, {"y": 1}]), {}, "case 1 has the names"),
-    ((lambda case: {}, [{"x": 1}]), {}, "top level of a module"),
-    ((square, [{"x": 1}]), {"workers": 0}, "sweep.workers = 0"),
-    ((square, [{"x": 1}]), {"time_limit": 0.0}, "sweep.time_limit"),
-    ((square, [{"x": 1}]), {"again": ["kiled"]}, "'kiled' is no status"),
-])  # fmt: skip
-def test_bad_sweeps_are_named(arguments, options, word, tmp_path):
-    with pytest.raises(ValueError, match=word):
-        sweep(*arguments, tmp_path, **options)
+def test_a_function_that_cannot_be_given_away_is_named(tmp_path):
+    with pytest.raises(ValueError, match="top level of a module"):
+        sweep(lambda case: {}, [{"x": 1}], tmp_path)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such limit")
+@pytest.mark.parametrize("workers", [1, 2])
+def test_full_disk_ends_a_sweep_with_one_message(workers, tmp_path, capfd):
+    """What had ended is kept, nothing half written stays, and the same call goes on when there is room."""
+    cases = [{"x": n, "full": True} for n in range(8)]
+    with pytest.raises(StorageError, match=r"json cannot be written \(File too large\); make room.*is kept in"):
+        sweep(filling, cases, tmp_path / "sweep", workers=workers)
+    assert capfd.readouterr().err == ""  # no traceback, of any process
+    folder = tmp_path / "sweep"
+    assert {int(file.stem) for file in (folder / "cases").glob("*.json")} >= {0, 1, 2}
+    assert all(file.stat().st_size for file in folder.rglob("*") if file.is_file() and file.name != ".lock")
+    assert not list(folder.rglob("*.partial")) and not list((folder / "begun").iterdir())
+
+
+def test_results_that_are_none_become_rows(tmp_path):
+    result = sweep(wrong, [{"x": 1}, {"x": 2}], tmp_path)
+    assert list(result["status"].values) == ["failed"] * 2
+    assert "it returned list" in str(result["reason"].values[0])
+
+
+def test_torn_rows_are_run_again_and_copies_refused(tmp_path):
+    cases = [{"x": n} for n in range(4)]
+    first = sweep(square, cases, tmp_path)
+    rows = tmp_path / "cases"
+    (rows / "2.json").write_bytes((rows / "2.json").read_bytes()[:30])
+    (rows / "3.json").write_bytes(b"")
+    assert sweep(square, cases, tmp_path)["square"].equals(first["square"])
+    (rows / "3.json").write_bytes((rows / "1.json").read_bytes())
+    with pytest.raises(ValueError, match=r"3\.json is another case: x was 1, is 3"):
+        sweep(square, cases, tmp_path)
 
 
 def test_bad_names_are_found_before_anything_runs(tmp_path):
@@ -190,21 +229,29 @@ def test_lane_changes_by_command(tmp_path):
     """Three short lane changes, one of which sinks in: its row says so."""
     arguments = [
         "sweep", "--set", "duration=0.3", "--set", "hydrodynamics=coefficients", "--vary", "hull.mass=45,49,4000",
-        "--output", tmp_path / "sweep", "--keep-runs",
+        "--output", tmp_path / "sweep[1]", "--keep-runs", "--unusual",
     ]  # fmt: skip
-    answer = subprocess.run(
-        [sys.executable, "-m", "exumob", *map(str, arguments)],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert answer.returncode == 0, answer.stderr
+
+    def call():
+        return subprocess.run(
+            [sys.executable, "-m", "exumob", *map(str, arguments)],
+            cwd=tmp_path, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+
+    answer = call()
+    assert answer.returncode == 1, answer.stderr
+    assert "cases        3: 0 kept, 3 run" in answer.stdout
     assert "completed    2 of 3 cases" in answer.stdout and "broke down   1 of 3 cases" in answer.stdout
-    assert "hull.mass = 4000" in answer.stdout
-    with load_dataset(tmp_path / "sweep" / "sweep.nc") as result:
+    assert "sweep of 3 cases, about 1 s" in answer.stderr and "sweep: 100 % (3 of 3 cases)" in answer.stderr
+    assert "broke down: case 2 (hull.mass = 4000" in answer.stderr
+    assert f"result       {tmp_path / 'sweep[1]' / 'sweep.nc'}" in answer.stdout.replace("\n", "")
+    with load_dataset(tmp_path / "sweep[1]" / "sweep.nc") as result:
         assert (result["forward"].values[:2] > 0.0).all() and len(set(result["forward"].values[:2])) == 2
-    assert (tmp_path / "sweep" / "runs" / "0.nc").exists()
+        assert all("units" in v.attrs and "long_name" in v.attrs for v in result.variables.values())
+        assert result["hull.mass"].attrs["units"] == "kg" and result["forward"].attrs["units"] == "m"
+    assert (tmp_path / "sweep[1]" / "runs" / "0.nc").exists()
+    again = call()
+    assert again.returncode == 1 and "cases        3: 3 kept, 0 run" in again.stdout
 
 
 MPIEXEC = shutil.which("mpiexec", path=Path(sys.executable).parent) or shutil.which("mpiexec")

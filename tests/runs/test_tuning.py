@@ -70,6 +70,27 @@ def test_same_call_goes_on_with_what_was_computed(tmp_path):
         tune(replace(BOWL, duration=3.0), RANGES, off, tmp_path, method=method)
 
 
+def test_evaluations_are_not_relabelled_and_damage_is_named(tmp_path):
+    method = Simplex(evaluations=6)
+    first = tune(BOWL, RANGES, off, tmp_path, method=method)
+    files = sorted((tmp_path / "evaluations").iterdir())
+    files[0].write_bytes(files[0].read_bytes()[:20])  # torn: made again
+    assert tune(BOWL, RANGES, off, tmp_path, method=method).best == first.best
+    (tmp_path / "tuning.json").unlink()
+    with pytest.raises(ValueError, match="is an evaluation of another tuning"):
+        tune(BOWL, RANGES, nowhere, tmp_path, method=method)
+    (tmp_path / "tuning.json").write_text("{")
+    with pytest.raises(ValueError, match=r"tuning\.json cannot be read.*remove it"):
+        tune(BOWL, RANGES, off, tmp_path, method=method)
+    (tmp_path / "tuning.json").write_text("{}")
+    with pytest.raises(ValueError, match="not of this version"):
+        tune(BOWL, RANGES, off, tmp_path, method=method)
+    (tmp_path / "tuning.json").unlink()
+    (tmp_path / "evaluations" / "notes.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"notes\.json is no evaluation.*move it out"):
+        tune(BOWL, RANGES, off, tmp_path, method=method)
+
+
 def test_objective_is_averaged_over_cases(tmp_path):
     cases = [{"duration": 0.5}, {"duration": 1.5}]
     found = tune(BOWL, RANGES, off, tmp_path, cases=cases, method=Simplex(evaluations=60))
@@ -99,11 +120,16 @@ def test_a_tuning_in_which_nothing_works_gives_no_answer(tmp_path):
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        ({"ranges": {}}, "ranges is empty"),
+        ({"ranges": {}}, r"ranges = \{\} is empty"),
+        ({"ranges": {"hull.mass": 3.0}}, "must be two finite numbers"),
+        ({"ranges": {"hull.mass": ("a", "b")}}, "must be two finite numbers"),
+        ({"experiment": 3}, r"tune\.experiment = 3"),
+        ({"objective": 3}, r"tune\.objective = 3"),
+        ({"cases": [3]}, "must be a list of dicts"),
         ({"ranges": {"hull.mas": (1.0, 2.0)}}, r"did you mean hull\.mass"),
         ({"ranges": {"hull.mass": (2.0, 1.0)}}, "lower end first"),
         ({"ranges": {"hull.mass": (-2.0, 1.0)}}, "mass"),
-        ({"method": "guess"}, r"Genetic\(\.\.\.\) or Simplex"),
+        ({"method": "guess"}, "must be a Genetic or a Simplex"),
         ({"cases": []}, "cases is empty"),
         ({"method": Simplex({"hull.mass": 40.0})}, r"Simplex\.start has the names hull\.mass"),
     ],
@@ -117,5 +143,7 @@ def test_bad_requests_are_refused_before_anything_runs(tmp_path, change, match):
 def test_bad_settings_of_the_optimisers_are_refused():
     with pytest.raises(ValueError, match=r"Genetic\.population = 2"):
         Genetic(population=2)
+    with pytest.raises(ValueError, match=r"Genetic\.workers = 1\.5"):
+        Genetic(workers=1.5)
     with pytest.raises(ValueError, match=r"Simplex\.tolerance = 0\.0"):
         Simplex(tolerance=0.0)

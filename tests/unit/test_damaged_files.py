@@ -108,11 +108,11 @@ def networks():
     data = shipped_networks()[0].read_bytes()
     size = struct.unpack("<Q", data[:8])[0]
     header = json.loads(json.loads(data[8 : 8 + size])["__metadata__"]["exumob"])
+    header.pop("digest", None)  # of what is not changed
     return data, header, NetworkSet.load(shipped_networks()[0]).arrays
 
 
 def test_damaged_networks(tmp_path, networks):
-    """Changed bytes among the weights may be read: a file of numbers has no sum that checks them."""
     refused_or_read(tmp_path / "nets.safetensors", networks[0], NetworkSet.load, "nets.safetensors")
     assert refused_or_read(tmp_path / "nets.safetensors", networks[0][:2000], NetworkSet.load, "nets.safetensors") > 50
 

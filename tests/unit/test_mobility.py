@@ -87,18 +87,21 @@ def test_a_run_with_water_is_judged():
     assert found["power"] > 10.0
 
 
-@pytest.mark.parametrize(
-    ("values", "failure"),
-    [
-        ({"soil.k_phi": unusual(4e3), "soil.k_c": 0.0, "water.depth_ratio": 0.3}, "sunk"),
-        ({"water.depth": 0.5}, "afloat"),
-    ],
-)
-def test_vehicles_that_cannot_even_stand(values, failure):
-    found = Crossing(QUICK, BRIEF)(values)
+def test_a_vehicle_that_cannot_even_stand_has_failed():
+    found = Crossing(QUICK, BRIEF)({"soil.k_phi": unusual(4e3), "soil.k_c": 0.0, "water.depth_ratio": 0.3})
+    assert FAILURES[int(found["failure"])] == "sunk"
+    assert (found["crossed"], found["failure_since"]) == (0.0, 0.0)
+    assert math.isnan(found["speed"])
+
+
+@pytest.mark.parametrize(("current", "failure"), [(0.0, "afloat"), (1.0, "swept away")])
+def test_a_vehicle_that_floats_has_failed(current, failure):
+    found = Crossing(QUICK, BRIEF)({"water.depth": 0.5, "water.current_speed": current})
     assert FAILURES[int(found["failure"])] == failure
     assert found["crossed"] == 0.0
-    assert math.isnan(found["speed"])
+    assert found["wheel_load"] < 0.01
+    assert math.isnan(found["slip"])
+    assert found["speed"] == pytest.approx(-0.5 * current, abs=0.5 * current + 0.01)
 
 
 def test_a_breakdown_outside_the_range_says_so():

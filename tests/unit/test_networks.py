@@ -1,5 +1,6 @@
 """Networks: their file, their inputs, their answers with and without torch, and as a model of the water."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from exumob.simulation.result_files import save_dataset
 from exumob.simulation.run import simulate
 from exumob.surrogates.inputs import INPUTS, MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
-from exumob.surrogates.networks import Architecture, NetworkSet, window_rows
+from exumob.surrogates.networks import Architecture, NetworkSet, read_arrays, window_rows, write_arrays
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 
@@ -124,6 +125,87 @@ def test_foreign_files_are_refused(vehicle, tmp_path, monkeypatch):
     monkeypatch.undo()
     with pytest.raises(ValueError, match="version 0 and this program reads 1"):
         NetworkSet.load(tmp_path / "old.safetensors")
+
+
+DAMAGE = [
+    (lambda h, a: h.pop("about"), "does not say for which vehicle"),
+    (lambda h, a: h.update(about=[1]), "does not say for which vehicle"),
+    (lambda h, a: h["about"].update(geometry=None), r"about\.geometry is None"),
+    (lambda h, a: h["about"].update(geometry=[]), r"about\.geometry is \[\]"),
+    (lambda h, a: h["about"]["geometry"].pop("track"), "missing parameters: track"),
+    (lambda h, a: h["about"]["geometry"].update({"no.such": 1.0}), r"no\.such"),
+    (lambda h, a: h["about"]["geometry"].update(track=[1]), "missing parameters: track"),
+    (lambda h, a: h.pop("version"), "is of version None and this program reads 1"),
+    (lambda h, a: h.update(version="1"), "is of version 1 and"),
+    (lambda h, a: h.pop("architecture"), "its architecture has None"),
+    (lambda h, a: h["architecture"].pop("taps"), r"its architecture has \['taps'\]"),
+    (lambda h, a: h["architecture"].update(width="7"), "width"),
+    (lambda h, a: h["architecture"].update(width=2.5), "width"),
+    (lambda h, a: h["architecture"].update(width=10**400), "width"),
+    (lambda h, a: h["architecture"].update(inputs=3), "int"),
+    (lambda h, a: h["architecture"].update(inputs=[["yaw_rate"]]), "inputs"),
+    (lambda h, a: h["architecture"].update(layer=None), "layer"),
+    (lambda h, a: a.pop("b"), "b is missing"),
+    (lambda h, a: a.update(b=a["b"][:4]), r"b is of shape \(4, 28\) of float32; it must be \(5, 28\)"),
+    (lambda h, a: a.update(b=a["b"].astype(np.float64)), "b is of shape .* of float64"),
+    (lambda h, a: a.update(b=a["b"].astype(np.int32)), "b is of shape .* of int32"),
+    (lambda h, a: a["b"].__setitem__((0, 3), np.nan), "b is of shape .*not finite at 1 of 140 places"),
+    (lambda h, a: a["input_scale"].__setitem__((0, 0), 0.0), "input_scale must be > 0"),
+    (lambda h, a: a["input_low"].__setitem__((0, 0), 9.0), "input_low lies above input_high"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), DAMAGE, ids=[message for _, message in DAMAGE])
+def test_incomplete_files_are_refused(vehicle, tmp_path, change, message):
+    file = made_up(SMALL, vehicle).save(tmp_path / "a.safetensors")
+    header, arrays = read_arrays(file, "", "")
+    arrays = {name: array.copy() for name, array in arrays.items()}
+    change(header, arrays)
+    write_arrays(file, header, arrays)
+    with pytest.raises(ValueError, match=message) as caught:
+        NetworkSet.load(file)
+    assert str(file) in str(caught.value) and "exumob train" in str(caught.value)
+
+
+@pytest.mark.parametrize("header", [[1], None, 3, "a"])
+def test_headers_of_another_kind_are_refused(tmp_path, header):
+    from safetensors.numpy import save_file
+
+    save_file({"a": np.zeros(3)}, tmp_path / "a.safetensors", {"exumob": json.dumps(header)})
+    with pytest.raises(ValueError, match=r"a\.safetensors is not a file of networks: its header is a"):
+        NetworkSet.load(tmp_path / "a.safetensors")
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_a_damaged_file_is_the_right_one_or_refused(vehicle, tmp_path, seed):
+    """Cut off, bits turned over, pieces left out: at places drawn at random, and at both ends."""
+    network = made_up(SMALL, vehicle)
+    file = network.save(tmp_path / "a.safetensors")
+    data, rng = bytearray(file.read_bytes()), np.random.default_rng(seed)
+    place = (0, len(data) - 1, 8, 20)[seed // 3] if seed < 12 else int(rng.integers(len(data)))
+    if seed % 3 == 0:
+        del data[place:]
+    elif seed % 3 == 1:
+        data[place] ^= 1 << int(rng.integers(8))
+    else:
+        del data[place : place + int(rng.integers(1, 100))]
+    file.write_bytes(data)
+    try:
+        found = NetworkSet.load(file)
+    except ValueError as error:
+        assert str(file) in str(error) and "exumob train" in str(error)
+    else:
+        assert found.digest() == network.digest() and found.about == network.about
+
+
+def test_files_without_a_digest_are_read(vehicle, tmp_path):
+    """As they were written before there was one."""
+    from safetensors.numpy import save_file
+
+    network = made_up(SMALL, vehicle)
+    header, arrays = read_arrays(network.save(tmp_path / "a.safetensors"), "", "")
+    save_file(arrays, tmp_path / "b.safetensors", {"exumob": json.dumps(header)})
+    assert NetworkSet.load(tmp_path / "b.safetensors").digest() == network.digest()
 
 
 def test_architecture_is_checked():

@@ -54,3 +54,13 @@ def test_nothing_changed_nothing_goes(package):
     os.utime(package / "constants.py")
     prepare(package.parent / "cache", package)
     assert len(list(package.parent.glob("cache/*/*.nb[ic]"))) == 2 * len(KERNELS)
+
+
+def test_a_cache_that_others_may_write_is_not_used(package, tmp_path):
+    cache = tmp_path / "cache"
+    cache.chmod(0o777)
+    with pytest.raises(PermissionError, match="others may write"):
+        prepare(cache, package)
+    (tmp_path / "link").symlink_to(tmp_path)
+    with pytest.raises(PermissionError, match="is a link"):
+        prepare(tmp_path / "link", package)

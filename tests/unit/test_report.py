@@ -32,7 +32,7 @@ GREEN, YELLOW, RED = "\x1b[32m", "\x1b[33m", "\x1b[31m"
 )
 def test_the_verdict_comes_first_in_its_colour(short_run, printed, verdict, colour):
     run = short_run.assign_attrs(verdict=verdict, verdict_sentence=f"{verdict} since 3.20 s [red]: [/x]")
-    first, second, *_ = printed(run)
+    first, _, second, *_ = printed(run)  # between them: how far the water model can be trusted
     assert first == f"{colour}verdict               {verdict} since 3.20 s [red]: [/x]\x1b[0m"
     assert second.startswith("run                   amphibious, D60/U1, coefficients; completed")
 
@@ -49,5 +49,5 @@ def test_slip_without_contact_is_said(short_run, printed):
 
 def test_a_run_of_one_instant_has_a_verdict_and_no_figures(short_run, printed):
     lines = printed(short_run.isel(time=[0]))
-    assert len(lines) == 1
+    assert len(lines) == 2
     assert "too short to tell" in lines[0]

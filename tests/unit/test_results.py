@@ -205,6 +205,10 @@ def test_runs_carry_their_verdict(dry_run, wet_run, short_run):
 def test_units_of_all_key_figures_are_known(wet_run):
     assert set(summary(wet_run)) <= set(FIGURES)
     assert "verdict" not in summary(circle())  # it holds too little for one
+    with pytest.raises(ValueError, match="has no slip_ratio, wall_time; give a result"):
+        summary(circle().drop_vars("slip_ratio").drop_attrs())
+    with pytest.raises(ValueError, match=r"summary\.dataset"):
+        summary("run.nc")
 
 
 def test_force_and_energy_residuals_see_an_error(short_run):

@@ -8,10 +8,13 @@ import pytest
 import xarray as xr
 from scipy import stats
 
+from exumob.driving.maneuver import ConstantSteer
 from exumob.ground.soil import Soil
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.sweeps import Choice, Experiment, LogNormal, Normal, Triangular, Uniform, as_grid, grid, sample
 from exumob.sweeps.experiment import amphibious_lane_change
+from exumob.sweeps.run import _check_cases
+from exumob.sweeps.sampling import Range
 from exumob.sweeps.study import from_options, parse_variation, read_study
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
@@ -142,6 +145,22 @@ def test_correlations_are_kept():
     (lambda: Triangular(0.0, 2.0, 1.0), "Triangular.mode"),
     (lambda: Choice(()), "Choice.values is empty"),
     (lambda: Choice((1, 2), (1.0,)), "Choice.weights"),
+    (lambda: Choice((1, 2), (1.0, math.nan)), "Choice.weights"), (lambda: Choice(3), "Choice.values = 3"),
+    (lambda: Normal(0.0, 1.0, "a", "b"), "Normal.low = 'a'"), (lambda: Normal(0.0, 1.0, 40.0, 41.0), "cut off all but"),
+    (lambda: Normal(math.inf, 1.0), "Normal.mean"), (lambda: Uniform(0.0, 10**400), "Uniform.high"),
+    (lambda: Uniform(-1e308, 1e308), "Uniform.low"), (lambda: LogNormal(1.0, 1e3), "LogNormal.spread"),
+    (lambda: sample(1.5, {"a": Uniform(0.0, 1.0)}), "sample.number = 1.5"),
+    (lambda: sample(0, {"a": Uniform(0.0, 1.0)}), "sample.number = 0"),
+    (lambda: sample(True, {"a": Uniform(0.0, 1.0)}), "sample.number = True"),
+    (lambda: sample(10**12, {"a": Uniform(0.0, 1.0)}), "1,000,000,000,000 cases are too many"),
+    (lambda: sample(8, {"a": Uniform(0.0, 1.0)}, seed=-1), "sample.seed = -1"),
+    (lambda: sample(8, {"a": 3.0}), "a = 3.0 is no distribution"), (lambda: sample(8, [1]), "sample.distributions"),
+    (lambda: sample(8, {"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, correlations={"ab": 0.5}), "two different"),
+    (lambda: sample(8, {"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, correlations={("a", "b"): "x"}), "a number"),
+    (lambda: grid({"a": 3}), "a = 3 must be a list"), (lambda: grid({"a": "abc"}), "must be a list"),
+    (lambda: grid({"a": np.ma.masked_equal([1, 2], 1)}), "masked values"),
+    (lambda: grid({"a": {1, 2}}), "in their order"), (lambda: grid([1]), "grid.values"),
+    (lambda: grid({"a": range(10**6), "b": range(10**6)}), "1,000,000,000,000 cases are too many"),
 ])  # fmt: skip
 def test_bad_distributions_are_named(call, word):
     with pytest.raises(ValueError, match=word):
@@ -167,7 +186,8 @@ def test_grid_of_results_gets_its_dimensions():
 def test_variations_as_text():
     assert parse_variation("water.current_speed=0,0.5,1") == ("water.current_speed", [0, 0.5, 1])
     assert parse_variation("soil=LETE sand,Sandy loam 11 %") == ("soil", ["LETE sand", "Sandy loam 11 %"])
-    assert parse_variation("hull.mass=40:60:3") == ("hull.mass", [40.0, 50.0, 60.0])
+    name, values = parse_variation("hull.mass=40:60:3")
+    assert (name, list(values)) == ("hull.mass", [40.0, 50.0, 60.0])
     assert parse_variation("soil.n~normal(0.8, 0.1)") == ("soil.n", Normal(0.8, 0.1))
     for bad, word in (
         ("hull.mass", "write name=0,0.5,1"), ("a~normal(1", "write name"), ("a~magic(1)", "'magic' is not known"),
@@ -212,6 +232,36 @@ def test_study_file(tmp_path):
     ("[sample.distributions]\nsoil.n = { magic = [1] }\n", "not known"),
     ("[base\n", "is not TOML"),
     ("", "nothing varies"),
+    ("base = 3\n", "base = 3 must be a table"), ("vary = []\n", r"vary = \[\] must be a table"),
+    ("sample = []\n", r"sample = \[\] must be a table"),
+    ("sample.correlations = 3\n", "correlations = 3 must be a table"),
+    ("sample.distributions = 3\n", "distributions = 3 must be a table"), ("unusual = 1\n", "unusual = 1 must be true"),
+    ("base.soil = [3]\n", r"soil = \[3\] must be the name"), ("base.soil = 3\n", "soil = 3 must be the name"),
+    ("base.vehicle = 3\n", "base.vehicle = 3 must be the name of a file"),
+    ('base.vehicle = "no.py"\n', "no.py does not exist"), ("base.maneuver = 3\n", "maneuver = 3"),
+    ("base.duration = 1979-05-27\n", "duration = datetime.date"), ("base.duration = true\n", "duration = True"),
+    ("base.hull.mass = [1, 2]\n", "Hull.mass = "), ("base.water = {}\n", "'water' is not known"),
+    ("[vary]\nhull.mass = { from = 1, to = 2, number = 2.5 }\n", "a range needs"),
+    ("[vary]\nhull.mass = { from = 1, to = 2, numbr = 2 }\n", "'numbr' is not known; did you mean number"),
+    ("[vary]\nhull.mass = { from = nan, to = 2, number = 2 }\n", "must be finite"),
+    ("[vary]\nhull.mass = { from = 1, to = 1, number = 2 }\n", "all the same"),
+    ("[vary]\nhull.mass = []\n", "hull.mass has no values"), ("[vary]\nhull.mas = [1]\n", r"did you mean hull\.mass"),
+    ("[vary]\nhull.mass = { from = 1, to = 2, number = 10000000000 }\n", "10,000,000,000 cases are too many"),
+    ("[sample]\nnumber = 4\n", "draws nothing"),
+    ("[sample]\nnumber = '4'\ndistributions.soil.n = { uniform = [0.5, 1] }\n", "sample.number = '4'"),
+    ("[sample]\nseed = -1\ndistributions.soil.n = { uniform = [0.5, 1] }\n", "sample.seed = -1"),
+    ("[sample]\nseed = 1.5\ndistributions.soil.n = { uniform = [0.5, 1] }\n", "sample.seed = 1.5"),
+    ("[sample]\nmethod = 3\ndistributions.soil.n = { uniform = [0.5, 1] }\n", "sample.method = 3"),
+    ("[sample.distributions]\nsoil.n = { uniform = 3 }\n", "uniform = 3 must be a list"),
+    ("[sample.distributions]\nsoil.n = { unifrom = [0, 1] }\n", "'unifrom' is not known; did you mean uniform"),
+    ("[sample.distributions]\nsoil.n = { uniform = ['a', 'b'] }\n", "soil.n: Uniform.low = 'a'"),
+    ("[sample.distributions]\nsoil.n = 3\n", "soil.n = 3: a distribution is"),
+    ("[sample]\ndistributions.soil.n = { uniform = [0.5, 1] }\ncorrelations.a = 1\n", "'a' must name two"),
+    ("[sample]\ndistributions.soil.n = { uniform = [0.5, 1] }\ncorrelations.'soil.n,soil.n' = 1\n", "different"),
+    ("[vary]\nsoil.n = [1]\n[sample]\ndistributions.soil.n = { uniform = [0.5, 1] }\n", "keep one"),
+    ('[base]\nsoil.n = 1.0\n"soil.n" = 0.9\n', "soil.n is given twice"),
+    ('[base]\nmaneuver = "straight"\n[base.maneuver]\nspeed = 4\n', 'write soil = "..." and "soil.cohesion"'),
+    ("[base]\nhull.mass = 1\nhull.mass = 2\n", "is not TOML"), ("a = " + "[" * 5000, "is not TOML"),
 ])  # fmt: skip
 def test_bad_study_files_are_named(text, word, tmp_path):
     file = tmp_path / "study.toml"
@@ -219,6 +269,74 @@ def test_bad_study_files_are_named(text, word, tmp_path):
     with pytest.raises(ValueError, match=word) as error:
         read_study(file)
     assert "study.toml" in str(error.value)
+
+
+@pytest.mark.parametrize("above, dotted", [("[base]\n", ""), ("", "base.")])
+def test_a_choice_may_stand_beside_its_fields(above, dotted, tmp_path):
+    """As everybody writes it, though TOML by itself forbids it."""
+    file = tmp_path / "study.toml"
+    lines = ['maneuver = "straight"', "maneuver.speed = 4.0", "soil.cohesion = 900", 'soil = "Sandy loam 11 %"']
+    file.write_text(above + "".join(f"{dotted}{line}\n" for line in lines) + "[vary]\nmaneuver.angle = [0.0, 0.1]\n")
+    experiment, cases = read_study(file)
+    assert experiment.maneuver == ConstantSteer(speed=4.0) and experiment.soil.cohesion == 900.0
+    assert cases == [{"maneuver.angle": 0.0}, {"maneuver.angle": 0.1}]
+
+
+def test_study_files_of_other_editors_are_read(tmp_path):
+    file = tmp_path / "study.toml"
+    text = '[base]\nsoil = "LETE sand"\n[vary]\nhull.mass = [48.0]\n'
+    for data in (text.encode("utf-8-sig"), text.replace("\n", "\r\n").encode()):
+        file.write_bytes(data)
+        assert read_study(file)[1] == [{"hull.mass": 48.0}]
+    file.write_bytes('[base]\nsoil = "Größe"\n'.encode("latin-1"))
+    with pytest.raises(ValueError, match=r"study\.toml is not TOML: line 2 is not UTF-8"):
+        read_study(file)
+    with pytest.raises(ValueError, match="cannot be read"):
+        read_study(tmp_path)
+    with pytest.raises(ValueError, match="does not exist"):
+        read_study(tmp_path / "no.toml")
+
+
+def test_paths_of_a_study_file_count_from_its_folder(tmp_path):
+    (tmp_path / "hull.stl").write_text("a hull")
+    file = tmp_path / "study.toml"
+    file.write_text('base.hull.mesh = "hull.stl"\nvary.hull.mass = [48.0]\n')
+    assert read_study(file)[0].vehicle.hull.mesh == tmp_path / "hull.stl"
+
+
+def test_unusual_values_pass_if_that_is_said(tmp_path):
+    file = tmp_path / "study.toml"
+    text = "base.water.density = 13534.0\nvary.water.current_speed = [0.0, 18.0]\n"
+    file.write_text(text)
+    with pytest.raises(ValueError, match="plausible"):
+        read_study(file)
+    file.write_text("unusual = true\n" + text)
+    experiment, cases = read_study(file)
+    assert experiment.water.density == 13534.0
+    _check_cases(experiment, cases)
+    with pytest.raises(ValueError, match=r"water\.depth_ratio = -1"):
+        from_options(None, ["water.depth_ratio=-1"], ["hull.mass=40,50"], 4, 0, unusual_values=True)
+
+
+@pytest.mark.parametrize("varied, word", [
+    (["hull.mass=1:2:1e10"], "10,000,000,000 cases are too many .*on the disk.*give 10,000,000 at most"),
+    (["hull.mass=1:2:10000", "soil.n=0.5:1:10000"], "100,000,000 cases are too many"),
+    (["hull.mass=1:2:1e300"], "more than 10.300 cases are too many"),
+    (["hull.mass~uniform(40,50)"], "cases are too many"),
+    (["hull.mass=40,50", "hull.mass=60"], "varied twice"), (["hull.mass="], "a value is missing"),
+    (["hull.mass=40,,50"], "a value is missing"), (["hull.mass=1:2:-3"], "a range needs"),
+])  # fmt: skip
+def test_bad_variations_are_named_at_once(varied, word):
+    """Nothing is made of a range before it is counted."""
+    with pytest.raises(ValueError, match=word):
+        from_options(None, [], varied, 10**9, 0)
+
+
+def test_ranges_have_the_values_of_linspace():
+    for begin, end, number in ((0.1, 0.7, 7), (40.0, 60.0, 3), (-1.0, 3.0, 1000), (2.0, 5.0, 1)):
+        assert list(Range(begin, end, number)) == np.linspace(begin, end, number).tolist()
+    endless = Range(0.0, 1.0, 10**18)
+    assert len(endless) == 10**18 and endless[-1] == 1.0 and endless[5 * 10**17] == pytest.approx(0.5)
 
 
 def test_values_can_be_asked_for_by_the_names_that_set_them():

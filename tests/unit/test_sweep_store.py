@@ -1,16 +1,25 @@
 """Sweeps before anything runs: what makes two the same, and which values are refused."""
 
+import errno
 import functools
 import importlib
-import itertools
+import json
+import os
 import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
+import xarray as xr
 
-from exumob.sweeps import run
-from exumob.sweeps.case_store import CaseStore, function_identity
+from exumob.driving.maneuver import Recorded
+from exumob.sweeps import case_store, sweep
+from exumob.sweeps.case_store import CaseStore, StorageError, fault_of_result
 from exumob.sweeps.experiment import amphibious_lane_change
+from exumob.sweeps.identity import digest, identity
 from exumob.sweeps.run import _check_cases
 
 
@@ -44,8 +53,29 @@ class Answer:
 UNREADABLE = 'exec(\'def answer(case):\\n    return {{"y": {} * case["x"]}}\')\n'
 
 
+HELPER = "FACTOR = {}\ndef scaled(x):\n    return FACTOR * x\n"
+USES_HELPER = "import helper_of_a_user\ndef answer(case):\n    return {'y': helper_of_a_user.scaled(case['x'])}\n"
+USES_FUNCTION = "from helper_of_a_user import scaled\ndef answer(case):\n    return {'y': scaled(case['x'])}\n"
+
+
 def prepare(folder, function, cases=({"x": 1.0},)):
     CaseStore(folder, function, cases, None, False).prepare([])
+
+
+def square(case):
+    """Numbers by name."""
+    return {"square": case["x"] ** 2}
+
+
+@dataclass
+class Holder:
+    """A function that holds something."""
+
+    held: Any
+
+    def __call__(self, case):
+        """Nothing of it counts here."""
+        return {"y": 1.0}
 
 
 @pytest.mark.parametrize("text, made", [
@@ -89,27 +119,360 @@ def test_addresses_do_not_count(written, tmp_path):
     """Two objects that are alike, at different addresses."""
     module = written(FUNCTION.format(1))
     one, other = (functools.partial(module.answer, factor=SimpleNamespace(a=object())) for _ in range(2))
-    assert function_identity(one) == function_identity(other)
+    assert identity(one) == identity(other)
+
+
+@pytest.mark.parametrize("text", [USES_HELPER, USES_FUNCTION], ids=["module", "function"])
+def test_helpers_of_a_function_belong_to_it(text, written, tmp_path):
+    """Also their constants; a function that is not called does not count where single ones are named."""
+
+    def made(factor, more=""):
+        sys.modules.pop("helper_of_a_user", None)
+        (tmp_path / "helper_of_a_user.py").write_text(HELPER.format(factor) + more)
+        importlib.invalidate_caches()
+        return identity(written(text).answer)
+
+    first = made(1)
+    assert made(1) == first
+    assert made(2).code_digest() != first.code_digest()
+    assert made(2).values == first.values
+    if text is USES_FUNCTION:
+        assert made(1, "def other():\n    pass\n") == first
+    sys.modules.pop("helper_of_a_user", None)
+
+
+HELD = [
+    lambda: np.arange(5000.0),
+    lambda: np.ma.masked_equal(np.arange(5.0), 3.0),
+    lambda: [0.1 * n for n in range(2000)],
+    lambda: {"a": [1, {"b": 2.0}]},
+    lambda: xr.Dataset({"v": ("n", np.arange(3000.0))}),
+    lambda: Recorded([0.0, 1.0, 2.0, 3.0], [0.0, 0.1, 0.1, 0.0], [0.0, 1.0, 1.0, 1.0]),
+    lambda: replace(amphibious_lane_change(), duration=3.0),
+]
+
+
+def _other(thing):
+    """The same with one of its numbers changed."""
+    if isinstance(thing, np.ndarray):
+        changed = thing.copy()
+        changed[len(changed) // 2] += 0.5
+        return changed
+    if isinstance(thing, list):
+        return [*thing[:1000], 7.0, *thing[1001:]]
+    if isinstance(thing, dict):
+        return {"a": [1, {"b": 3.0}]}
+    if isinstance(thing, xr.Dataset):
+        return xr.Dataset({"v": ("n", _other(thing["v"].values))})
+    if isinstance(thing, Recorded):
+        return Recorded([0.0, 1.0, 2.0, 3.0], [0.0, 0.1, 0.2, 0.0], [0.0, 1.0, 1.0, 1.0])
+    return replace(thing, duration=4.0)
+
+
+@pytest.mark.parametrize("make", HELD, ids=lambda make: type(make()).__name__)
+def test_all_that_a_function_holds_belongs_to_it(make):
+    """Also in the midst of what is shown abridged."""
+    assert identity(Holder(make())) == identity(Holder(make()))
+    assert identity(Holder(make())).values != identity(Holder(_other(make()))).values
+
+
+def test_contents_of_files_belong_to_a_sweep(tmp_path):
+    mesh = tmp_path / "hull.stl"
+    mesh.write_text("a hull")
+    prepare(tmp_path / "held", Holder(mesh))
+    prepare(tmp_path / "varied", square, [{"x": 1.0, "mesh": mesh}])
+    os.utime(mesh, (1.0, 1.0))  # the time does not count
+    prepare(tmp_path / "held", Holder(mesh))
+    prepare(tmp_path / "varied", square, [{"x": 1.0, "mesh": mesh}])
+    (tmp_path / "elsewhere").mkdir()
+    moved = mesh.rename(tmp_path / "elsewhere" / "hull.stl")
+    prepare(tmp_path / "held", Holder(moved))  # nor does the place
+    mesh.write_text("another")
+    with pytest.raises(ValueError, match=r"another experiment or function: held was .*hull\.stl"):
+        prepare(tmp_path / "held", Holder(mesh))
+    with pytest.raises(ValueError, match="other cases"):
+        prepare(tmp_path / "varied", square, [{"x": 1.0, "mesh": mesh}])
+
+
+def test_mesh_of_a_hull_belongs_to_an_experiment(tmp_path):
+    """Whether it is the vehicle's, or varied by the text that a study file holds."""
+    mesh = tmp_path / "hull.stl"
+    mesh.write_text("a hull")
+    base = amphibious_lane_change()
+    shaped = replace(base, vehicle=replace(base.vehicle, hull=replace(base.vehicle.hull, mesh=mesh)))
+    first, text = (
+        identity(shaped).values["vehicle.hull.mesh"],
+        case_store.case_text(base.typed({"hull.mesh": str(mesh)})),
+    )
+    mesh.write_text("another")
+    assert identity(shaped).values["vehicle.hull.mesh"] != first
+    assert case_store.case_text(base.typed({"hull.mesh": str(mesh)})) != text
+
+
+# -- rows --------------------------------------------------------------------------------------------------------------
+
+CASES = [{"x": 1.0, "name": "[a]"}, {"x": 2.0, "name": "b"}, {"x": 3.0, "name": "c"}]
+
+
+@pytest.fixture
+def finished(tmp_path):
+    """Folder of a sweep whose three cases have ended, without a process."""
+    store = CaseStore(tmp_path / "sweep", square, CASES, None, False)
+    store.prepare([])
+    for number, case in enumerate(CASES):
+        store.begin(number, mpi=False)
+        store.end(number, "completed", "", 0.1, square(case))
+    store.save(store.gather())
+    return tmp_path / "sweep"
+
+
+def again(folder, function=square, cases=CASES):
+    store = CaseStore(folder, function, cases, None, False)
+    store.prepare([])
+    return store
+
+
+def edited(file, **changes):
+    row = json.loads(file.read_text()) | changes
+    row["check"] = digest(json.dumps({name: part for name, part in row.items() if name != "check"}))
+    file.write_text(json.dumps({name: value for name, value in row.items() if value is not None}))
+
+
+def test_rows_are_kept_and_gathered(finished):
+    result = again(finished).gather()
+    assert list(result["square"].values) == [1.0, 4.0, 9.0] and list(result["name"].values) == ["[a]", "b", "c"]
+    assert all("units" in v.attrs and "long_name" in v.attrs for v in result.variables.values())
+
+
+def test_rows_are_not_relabelled(finished):
+    """Neither without the description of the sweep, nor by copying, nor by editing."""
+    (finished / "sweep.json").unlink()
+    other = [CASES[0], CASES[1] | {"x": 2.5}, CASES[2]]
+    with pytest.raises(ValueError, match=r"1\.json is another case: x was 2\.0, is 2\.5\. .*remove the file"):
+        again(finished, cases=other)
+    with pytest.raises(ValueError, match=r"0\.json was computed by another experiment or function"):
+        again(finished, function=Holder(1.0))
+    again(finished)  # nothing has changed
+    (finished / "cases" / "2.json").write_bytes((finished / "cases" / "0.json").read_bytes())
+    with pytest.raises(ValueError, match=r'2\.json is another case: x was 1\.0, is 3\.0; name was "\[a\]", is "c"'):
+        again(finished)
+
+
+@pytest.mark.parametrize("spoil, word", [
+    (lambda f: (f / "cases" / "1.json").write_text("{}"), r"1\.json is not how a case ended \(.*another version"),
+    (lambda f: (f / "cases" / "1.json").write_text("[1, 2]"), r"1\.json is not how a case ended \(it holds a list"),
+    (lambda f: edited(f / "cases" / "1.json", format=1), "layout of another version"),
+    (lambda f: edited(f / "cases" / "1.json", exumob="0.0.1"), r"was computed by exumob 0\.0\.1, this is"),
+    (lambda f: edited(f / "cases" / "1.json", status=None), "status is missing"),
+    (lambda f: edited(f / "cases" / "1.json", status="fine"), "status is 'fine'"),
+    (lambda f: edited(f / "cases" / "1.json", values=[1.0]), r"values is \[1\.0\]"),
+    (lambda f: edited(f / "cases" / "1.json", values={"square": [1]}), r"the value of square is \[1\]"),
+    (lambda f: (f / "cases" / "1.json").write_text((f / "cases" / "1.json").read_text().replace("4.0", "4.5")),
+     r"1\.json was changed after it was written"),
+    (lambda f: edited(f / "cases" / "1.json", wall_time="long"), "wall_time is 'long'"),
+    (lambda f: (f / "cases" / "notes.json").write_text("{}"), r"notes\.json: no case of this sweep.*move it out"),
+    (lambda f: (f / "cases" / "03.json").write_text("{}"), r"03\.json: no case of this sweep"),
+    (lambda f: (f / "cases" / "7.json").write_text("{}"), r"7\.json: no case of this sweep"),
+    (lambda f: (f / "cases" / "9.json").mkdir(), r"9\.json: no case of this sweep"),
+    (lambda f: (f / "sweep.json").write_text((f / "sweep.json").read_text()[:40]), r"\.json cannot be read.*remove"),
+    (lambda f: (f / "sweep.json").write_bytes(b""), r"sweep\.json cannot be read"),
+    (lambda f: (f / "sweep.json").write_text("[" * 100_000), r"sweep\.json cannot be read"),
+    (lambda f: (f / "sweep.json").write_text("[]"), r"sweep\.json was written by another version"),
+    (lambda f: (f / "sweep.json").write_text("{}"), r"sweep\.json is not the description .*format is"),
+    (lambda f: edited(f / "sweep.json", number="three"), "number is missing or wrong"),
+    (lambda f: edited(f / "sweep.json", exumob="0.0.1"), r"holds a sweep of exumob 0\.0\.1"),
+    (lambda f: edited(f / "sweep.json", format=1), "another version of exumob"),
+])  # fmt: skip
+def test_damaged_folders_are_refused_by_name(spoil, word, finished):
+    spoil(finished)
+    with pytest.raises(ValueError, match=word):
+        again(finished)
+
+
+@pytest.mark.parametrize("rest", [b"", b"{", b"\xff\x00", None], ids=["empty", "cut off", "no text", "half"])
+def test_torn_rows_are_run_again(rest, finished, caplog):
+    file = finished / "cases" / "1.json"
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2] if rest is None else rest)
+    assert again(finished).left() == [1]
+    assert "1.json was not written to its end" in caplog.text and "run again" in caplog.text
+
+
+def test_other_files_do_no_harm(finished):
+    """Marks that cannot be read, half files of killed processes, files of editors and file systems."""
+    (finished / "begun" / "0.json").write_text("{}")
+    (finished / "begun" / "2.json").write_bytes(b"")
+    (finished / "cases" / ".1.json.77.partial").write_bytes(b"")
+    (finished / "cases" / "1.json~").write_text("x")
+    (finished / "notes.txt").write_text("x")
+    assert again(finished).left() == []
+    assert not list(finished.rglob("*.partial")) and not list((finished / "begun").iterdir())
+
+
+def test_rows_of_other_code_are_counted(finished, caplog):
+    """Who has removed the description by intent is told what is mixed."""
+    edited(finished / "cases" / "1.json", code="0" * 16)
+    result = again(finished).gather()
+    assert "1 cases are kept that other code has computed" in caplog.text
+    assert result.attrs["cases_of_other_code"] == 1
+
+
+def test_a_link_in_the_place_of_the_lock_is_not_followed(finished, tmp_path):
+    target = tmp_path / "precious"
+    target.write_text("mine")
+    (finished / ".lock").symlink_to(target)
+    with pytest.raises(StorageError, match=r"\.lock|sweep"), again(finished).locked():
+        pass
+    assert target.read_text() == "mine"
+
+
+# -- disks -------------------------------------------------------------------------------------------------------------
+
+
+def full(*_, **__):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.mark.parametrize("number, word", [
+    (errno.ENOSPC, "No space left on device.*make room"), (errno.EROFS, "Read-only.*folder that can be written"),
+    (errno.EACCES, "folder that can be written"), (errno.EIO, "look after the disk"),
+])  # fmt: skip
+@pytest.mark.parametrize("place", ["folders", "begin", "end"])
+def test_errors_of_the_disk_say_what_to_do(number, word, place, finished, monkeypatch):
+    store = again(finished)
+
+    def broken(*_, **__):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(Path, "mkdir" if place == "folders" else "write_text", broken)
+    with pytest.raises(StorageError, match=f"{word}.*What has ended is kept"):
+        if place == "folders":
+            store.prepare([])
+        elif place == "begin":
+            store.begin(0, mpi=False)
+        else:
+            store.end(0, "completed", "", 0.1, {"square": 1.0})
+    assert not list(finished.rglob("*.partial"))
+    assert all(file.stat().st_size for file in finished.rglob("*.json"))
+
+
+def test_a_result_that_cannot_be_written_goes_nowhere_else(finished, monkeypatch):
+    """It is gathered again in no time; its place is not the temporary folder."""
+    store = again(finished)
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(StorageError, match=r"sweep\.nc cannot be written"):
+        store.save(store.gather())
+
+
+def test_too_little_room_is_found_beforehand(tmp_path, monkeypatch):
+    monkeypatch.setattr(case_store.shutil, "disk_usage", lambda folder: SimpleNamespace(free=10_000))
+    with pytest.raises(StorageError, match=r"3 cases need about .*MiB, and the disk has .*MiB left; make room"):
+        prepare(tmp_path / "sweep", square, CASES)
+    with pytest.raises(StorageError, match="1 cases need about"):
+        CaseStore(tmp_path / "runs", amphibious_lane_change(), [{"hull.mass": 49.0}], None, True).prepare([])
+    prepare(tmp_path / "sweep", square, CASES[:2])
+
+
+@pytest.mark.skipif(not hasattr(os, "statvfs"), reason="no such limit known")
+def test_too_few_files_are_found_beforehand(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "statvfs", lambda folder: SimpleNamespace(
+        f_files=100, f_favail=5, f_bavail=10**9, f_blocks=10**9, f_bfree=10**9, f_frsize=4096
+    ))  # fmt: skip
+    with pytest.raises(StorageError, match="need as many files, and the disk has room for 5"):
+        prepare(tmp_path / "sweep", square, CASES)
+
+
+# -- what is asked for -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("change, word", [
+    ({"function": 3}, "sweep.function = 3 must be a function"),
+    ({"cases": []}, "sweep.cases is empty"), ({"cases": {"x": 1}}, "sweep.cases is a dict; give a list of dicts"),
+    ({"cases": [3]}, "case 0 is 3; give a dict"), ({"cases": "abc"}, "sweep.cases is a str"),
+    ({"cases": iter(CASES)}, "sweep.cases is a list_iterator"), ({"cases": [{}, {"x": 1}]}, "case 1 has the names"),
+    ({"cases": [{"a b": 1}]}, "'a b' cannot be the name"), ({"cases": [{"status": 1}]}, "'status' cannot be the name"),
+    ({"cases": [{3: 1}]}, "3 cannot be the name"), ({"folder": None}, "sweep.folder = None"),
+    ({"workers": 1.5}, "sweep.workers = 1.5 must be a whole number"), ({"workers": 0}, "sweep.workers = 0"),
+    ({"workers": True}, "sweep.workers = True"), ({"workers": 10**400}, "sweep.workers = 10"),
+    ({"time_limit": 0.0}, "sweep.time_limit = 0.0"), ({"time_limit": "5"}, "sweep.time_limit = '5'"),
+    ({"time_limit": float("nan")}, "sweep.time_limit = nan"), ({"again": "killed"}, "sweep.again = 'killed'"),
+    ({"again": ["kiled"]}, "'kiled' is no status"), ({"keep_runs": 1}, "sweep.keep_runs = 1"),
+    ({"progress": 3}, "sweep.progress = 3"),
+])  # fmt: skip
+def test_bad_arguments_are_named(change, word, tmp_path):
+    with pytest.raises(ValueError, match=word):
+        sweep(**({"function": square, "cases": CASES, "folder": tmp_path / "sweep"} | change))
+    assert not (tmp_path / "sweep").exists()
+
+
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.mark.parametrize("name, bad", [
+    ("hull.mass", [-1.0, NAN, INF, "heavy", None, True, [49.0], 10**400, 1e6]),
+    ("water.current_direction", [180.0, NAN, "west"]),
+    ("water.density", [1.0, 0.0]),
+    ("water.depth_ratio", [-0.5, NAN, "deep", True]),
+    ("soil", ["LETE sandd", 3, None]),
+    ("soil.shear_modulus_x", [12.0]),
+    ("maneuver", ["slalom", 3]),
+    ("maneuver.speed", [NAN, "fast"]),
+    ("hydrodynamics", ["magic", 3]),
+    ("hydrodynamics.member", [-1, 1.5, "first", True]),
+    ("setting", ["slow", 3]),
+    ("duration", [0.0, -1.0, NAN, "8 s", 1e9]),
+    ("micro_step", [0.0, "small"]),
+    ("hull.mesh", ["no_such_file.stl", 3]),
+    ("hull.inertia", [(1.0, 2.0), "round"]),
+    ("steering.geometry", ["bent", 1.0]),
+])  # fmt: skip
+def test_every_value_is_checked_before_anything_runs(name, bad, tmp_path):
+    """The last of many, whatever the others are; the message names the field."""
+    experiment = amphibious_lane_change()
+    good = experiment.value(name)
+    for value in bad:
+        cases = [{name: good}] * 50 + [{name: value}]
+        with pytest.raises(ValueError, match=name.rpartition(".")[2].removesuffix("_ratio")):
+            sweep(experiment, cases, tmp_path / "sweep")
+    assert not (tmp_path / "sweep").exists()
 
 
 def test_last_of_many_values_is_looked_at():
-    cases = [{"hull.mass": 50.0 + 1e-3 * n, "soil.cohesion": 1000.0 + n} for n in range(4000)]
+    cases = [{"hull.mass": 50.0 + 1e-3 * n, "soil.cohesion": 1000.0 + 0.1 * n} for n in range(30_000)]
     _check_cases(amphibious_lane_change(), cases)
-    with pytest.raises(ValueError, match=r"mass = -1\.0"):
-        _check_cases(amphibious_lane_change(), [*cases, {"hull.mass": -1.0, "soil.cohesion": 1.0}])
-    with pytest.raises(ValueError, match="mass = nan"):
-        _check_cases(amphibious_lane_change(), [*cases, {"hull.mass": float("nan"), "soil.cohesion": 1.0}])
+    for bad in (-1.0, float("nan")):
+        with pytest.raises(ValueError, match=f"mass = {bad}"):
+            _check_cases(amphibious_lane_change(), [*cases, {"hull.mass": bad, "soil.cohesion": 1000.0}])
 
 
-def test_smallest_and_largest_of_too_many_are_looked_at(monkeypatch):
-    """And every value of a name that has few."""
-    monkeypatch.setattr(run, "CHECKED_VALUES", 100)
-    cases = [{"soil": "LETE sand", "hull.mass": 50.0 + 1e-3 * n} for n in range(1000)]
-    looked = []
-    experiment = amphibious_lane_change()
-    monkeypatch.setattr(type(experiment), "check_values", lambda self, name, values: looked.append((name, values)))
-    _check_cases(experiment, cases)
-    (_, soils), (_, masses) = looked
-    assert soils == ["LETE sand"]
-    assert 90 <= len(masses) <= 100 and masses[0] == 50.0 and masses[-1] == cases[-1]["hull.mass"]
-    assert max(b - a for a, b in itertools.pairwise(masses)) < 0.012
+def test_values_that_belong_together_change_together():
+    """A wider hull needs a wider track; each alone is refused, and so is a combination: as a row, with a warning."""
+    base = amphibious_lane_change()
+    both = {"hull.width": 0.6, "track": 0.9}
+    assert base.with_values(both).vehicle.track == 0.9
+    with pytest.raises(ValueError, match=r"Vehicle\.track"):
+        base.with_values({"hull.width": 0.6})
+
+
+def test_combinations_that_do_not_fit_become_rows_with_a_warning(caplog):
+    base = amphibious_lane_change()
+    cases = [{"hull.width": width, "track": 0.66} for width in (0.6, 0.44, 0.4)]
+    assert _check_cases(base, cases) == cases[1]
+    assert "1 of 3 cases cannot be run" in caplog.text and "hull.width = 0.6" in caplog.text
+    with pytest.raises(ValueError, match=r"Vehicle\.track"):
+        _check_cases(base, cases[:1])
+    with pytest.raises(ValueError, match="say the same"):
+        _check_cases(base, [{"water.depth": 0.1, "water.depth_ratio": 0.5}])
+    with pytest.raises(ValueError, match="must be a whole multiple"):
+        _check_cases(base, [{"macro_step": 0.0103}])
+
+
+@pytest.mark.parametrize("found, word", [
+    (None, "returned NoneType"), (3.0, "returned float"), ({3: 1.0}, "3 has no proper name"),
+    ({"a/b": 1.0}, "no proper name"), ({"x": 1.0}, "taken by a parameter"), ({"status": 1.0}, "taken by"),
+    ({"y": [1.0, 2.0]}, "is not a number"), ({"y": None}, "is not a number"), ({"y": 10**400}, "is not a number"),
+    ({"y": 1j}, "is not a number"),
+])  # fmt: skip
+def test_results_of_a_wrong_kind_are_named(found, word):
+    assert word in fault_of_result(found, ["x"])
+    assert not fault_of_result({"y": np.float32(1.0), "word": "drives", "z": float("nan")}, ["x"])

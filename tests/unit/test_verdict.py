@@ -1,5 +1,6 @@
 """The verdict on a run: each condition by itself, its onset, its persistence, order, scaling, and runs cut short."""
 
+import json
 import math
 
 import numpy as np
@@ -233,6 +234,20 @@ def test_a_run_that_holds_too_little_is_refused_by_name():
     with pytest.raises(ValueError, match="vehicle"):
         judge(bare)
     assert judge(bare, vehicle=scaled_vehicle(1.0)).kind == "drives"
+    for text in ("{", "3", '{"vehicle": 3}', '{"vehicle": {}}', '{"vehicle": {"Vehicle": {"hull": 3}}}', "[]"):
+        with pytest.raises(ValueError, match="parameters"):
+            judge(made_up_run().assign_attrs(parameters=text))
+    for water in (3, {"Water": 3}, {"Water": {}}):
+        with pytest.raises(ValueError, match="water"):
+            judge(made_up_run().assign_attrs(parameters=json.dumps({"water": water})), vehicle=scaled_vehicle(1.0))
+    with pytest.raises(ValueError, match="yaw has the dimensions"):
+        judge(made_up_run().assign(yaw=made_up_run()["forward_velocity"]))
+    with pytest.raises(ValueError, match="times"):
+        judge(made_up_run().isel(time=[]))
+    with pytest.raises(ValueError, match="times"):
+        judge(made_up_run().isel(time=slice(None, None, -1)))
+    with pytest.raises(ValueError, match="name its bodies"):
+        judge(made_up_run().assign_coords(body=list("abcde")))
     with pytest.raises(ValueError, match=r"judge\.run"):
         judge("run.nc")
     with pytest.raises(ValueError, match=r"VerdictLimits\.tilt"):

@@ -26,7 +26,7 @@ from exumob.flow.output.vehicle_surface import SEGMENTS, body_triangles, placed,
 from exumob.support.arrays import Array
 from exumob.support.cost import require_frames
 from exumob.support.declared import checked
-from exumob.support.figures import STYLE
+from exumob.support.figures import STYLE, footnote, trust_notes
 from exumob.support.quantities import Quantity
 
 RANGE = Quantity("mm", above=0.0, at_most=1e6)
@@ -294,6 +294,7 @@ def animate_surface(
         figure.colorbar(view.mappable(), ax=axes, extend="both", shrink=0.8, aspect=22, pad=0.01).set_label(
             "elevation over still water [mm]"
         )
+        footnote(figure, *trust_notes([dataset]))
         figure.canvas.draw()
         figure.set_layout_engine("none")  # laying out every frame anew costs more than drawing it
 

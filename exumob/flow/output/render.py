@@ -2,40 +2,46 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
 from exumob.support.arrays import Array
+from exumob.support.declared import Declared
+from exumob.support.quantities import Quantity
 
+PLACE = Quantity("m", at_least=-1e6, at_most=1e6)
+"""Point in space"""
+PIXELS = Quantity("pixels", at_least=1, at_most=20_000)
+"""Size of a picture"""
 SAMPLES = 2
 """Samples of a pixel along each side, averaged against jagged edges"""
 
 
 @dataclass(frozen=True)
-class Camera:
-    """A pinhole camera; z is up.
+class Camera(Declared):
+    """A pinhole camera; z is up."""
 
-    Parameters
-    ----------
-    eye, target : (float, float, float)
-        Where it is and what it looks at [m].
-    width, height : int
-        Size of the picture [pixels].
-    scale : float
-        Length in the picture [pixels] of a line that is as long as its distance from the camera.
-    middle : (float, float)
-        Pixel x, y (down) of the target.
-    """
+    eye: Annotated[tuple[float, float, float], PLACE]
+    """Where it is [m]"""
+    target: Annotated[tuple[float, float, float], PLACE]
+    """What it looks at [m]"""
+    width: Annotated[int, PIXELS]
+    """Width of the picture [pixels]"""
+    height: Annotated[int, PIXELS]
+    """Height of the picture [pixels]"""
+    scale: Annotated[float, Quantity("pixels", above=0.0, at_most=1e9)]
+    """Length in the picture [pixels] of a line that is as long as its distance from the camera"""
+    middle: Annotated[tuple[float, float], Quantity("pixels", at_least=-1e9, at_most=1e9)]
+    """Pixel x, y (down) of the target"""
 
-    eye: tuple[float, float, float]
-    target: tuple[float, float, float]
-    width: int
-    height: int
-    scale: float
-    middle: tuple[float, float]
+    def _check(self) -> None:
+        if math.hypot(self.target[0] - self.eye[0], self.target[1] - self.eye[1]) < 1e-9:
+            raise ValueError(f"Camera.eye = {self.eye} lies straight above or below its target; move it aside.")
 
     @classmethod
     def around(

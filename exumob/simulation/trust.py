@@ -1,0 +1,465 @@
+"""What a result is worth: which model of the water answered, and how far it was off on runs like this one.
+
+The figures are those of `exumob.support.measured`: lane changes and straight lines of one vehicle, beside the same
+with the flow in the loop. `trust_of` compares a run with them. Where the run lies beyond what was measured it says by
+what; where the vehicle is another one it says that nothing was validated.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from exumob.coupling.flow_code import BuiltInFlow
+from exumob.coupling.flow_in_loop import CfdHydrodynamics
+from exumob.driving.maneuver import ConstantSteer, LaneChange
+from exumob.ground.soil import Soil
+from exumob.simulation.description import RunDescription
+from exumob.support.measured import flow_load_error, measured_errors
+from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import GEOMETRY
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.conditions import Water
+from exumob.water.hydrodynamics import NoWater
+
+CLOSE = 1.0e-3
+"""Relative difference up to which a value counts as the one that was measured [-]."""
+NAMED = 4
+"""Number of differences that the line names; it counts the others."""
+
+
+@dataclass(frozen=True)
+class Departure:
+    """One respect in which runs lie beyond what was measured."""
+
+    quantity: str
+    values: tuple[float | str, ...]
+    measured: str
+    unit: str = ""
+
+    def __str__(self) -> str:
+        numbers = [v for v in self.values if not isinstance(v, str)]
+        if len(numbers) == len(self.values):
+            ends = dict.fromkeys(f"{v:.3g}" for v in (min(numbers), max(numbers)))
+            found = " to ".join(ends)
+        else:
+            words = list(dict.fromkeys(map(str, self.values)))
+            found = ", ".join(words[:3]) + (f" and {len(words) - 3} more" if len(words) > 3 else "")
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.quantity} {found}{unit} ({self.measured}{unit})"
+
+
+@dataclass(frozen=True)
+class Trust:
+    """What a result, or a sweep of runs, is worth."""
+
+    model: str
+    """What gave the loads of the water: "networks", "coefficients", "flow in the loop", "no water", or a class"""
+    status: str
+    """"measured": runs like this one were compared with the reference; "beyond": they lie beyond what was; "not
+    validated": the vehicle or the model is another one"""
+    error: str
+    """How far the model was off where it was measured, and on what that was"""
+    soil: str
+    """What the forces of the soil rest on"""
+    departures: tuple[Departure, ...] = ()
+    mean: float = math.nan
+    """Mean of the error that was measured: of the final position over the length of the path [-]; straight ahead of
+    the speed [m/s]; nan where nothing was measured"""
+    worst: float = math.nan
+    """The largest of the same"""
+    advice: str = ""
+    """What to believe, and what to do, where nothing was measured"""
+    nearest: str = ""
+    """The error in the measured run that is nearest; a part of `error`"""
+
+    @property
+    def line(self) -> str:
+        """All of it as one line of text."""
+        where = {
+            "measured": ", measured on runs like this one: ",
+            "beyond": f", beyond what was measured: {self._beyond}. {self.advice} Where measured, ",
+            "not validated": f", not validated: {self.advice} ",
+        }[self.status]  # fmt: skip
+        return f"{self.model}{where}{self.error} {self.soil}".replace("  ", " ")
+
+    @property
+    def _beyond(self) -> str:
+        more = len(self.departures) - NAMED
+        return "; ".join(map(str, self.departures[:NAMED])) + (f"; and {more} more" if more > 0 else "")
+
+    def attributes(self) -> dict[str, str | float]:
+        """Return the line and its parts, as kept in results."""
+        found: dict[str, str | float] = {
+            "trust": self.line, "trust_model": self.model, "trust_status": self.status,
+            "trust_beyond": "; ".join(map(str, self.departures)),
+        }  # fmt: skip
+        if math.isfinite(self.mean):
+            found |= {"trust_mean_error": self.mean, "trust_worst_error": self.worst}
+        return found | ({"trust_nearest": self.nearest} if self.nearest else {})
+
+
+def trust_of(run: RunDescription, out_of_range: float | None = None, fallback: float | None = None) -> Trust:
+    """Compare one run with those whose errors were measured.
+
+    Parameters
+    ----------
+    run : RunDescription
+    out_of_range : float, optional
+        Share of the time for which some body was outside the networks' training range [-]; None: not known yet.
+    fallback : float, optional
+        Mean share of the coefficient model in the loads [-].
+    """
+    return _together([(run, out_of_range, fallback)])
+
+
+def trust_of_all(runs: Iterable[RunDescription]) -> Trust:
+    """Compare many runs with one model, those of a sweep or a map, with those whose errors were measured.
+
+    What differs is named once, with its range over all runs. All have the model of the first one.
+    """
+    return _together([(run, None, None) for run in runs])
+
+
+def coefficients_off() -> str:
+    """Say how far runs with the published coefficients ended from those with the flow in the loop."""
+    rows = [row["coefficients"] for row in measured_errors()["runs"]]
+    amount = _percents(min(row["end"] for row in rows), max(row["end"] for row in rows))
+    return f"{amount} of its path away{_whither([row['forward'] for row in rows])}"
+
+
+def measured_vehicle() -> str:
+    """Return the name of the vehicle on which the errors were measured."""
+    return str(measured_errors()["vehicle"]["name"])
+
+
+def shape_differences(vehicle: Vehicle, trained: Mapping[str, Any]) -> list[str]:
+    """Say in which parameters a vehicle differs in shape from the one of the training runs (`GEOMETRY`)."""
+    present = _plain(vehicle)
+    found = []
+    for name, value in trained.items():
+        given = present.get(name)
+        if not _same(given, value):
+            found.append(f"{name} = {_number(given)}, they were trained with {_number(value)}")
+    return found
+
+
+# -- comparison --------------------------------------------------------------------------------------------------------
+
+_Case = tuple[RunDescription, float | None, float | None]
+
+
+def _together(cases: Sequence[_Case]) -> Trust:
+    first = cases[0][0]
+    water = next((run.water for run, _, _ in cases if run.water is not None), None)
+    soil = _soil_line([run for run, _, _ in cases])
+    model = first.hydrodynamics
+    if water is None:
+        return _dry(first, soil)
+    if isinstance(model, NoWater):
+        return Trust("no water", "not validated", "", soil, advice="there is water, and its loads are left out.")
+    if isinstance(model, CfdHydrodynamics):
+        trust = _flow(first, soil)
+    elif isinstance(model, SurrogateHydrodynamics | CoefficientHydrodynamics):
+        trust = _cheap(first, soil, water)
+    else:
+        advice = "a model of your own, which exumob has compared with nothing."
+        return Trust(type(model).__name__, "not validated", "", soil, advice=advice)
+    if trust.status == "not validated":
+        return trust
+    if len(cases) > 1 and trust.nearest:  # the nearest run is that of one case only
+        trust = replace(trust, error=trust.error.replace(trust.nearest, ""), nearest="")
+    departures = _merged(d for case in cases for d in _departures(*case))
+    if not departures:
+        return trust
+    advice = "The error here is not known; compare with the flow in the loop."
+    if isinstance(model, CfdHydrodynamics):
+        advice = "The spread here is not known; repeat one run on finer cells."
+    shares = [(outside, share) for _, outside, share in cases if outside is not None and share is not None]
+    if len(shares) == 1 and any(d.quantity == _RANGE for d in departures):
+        advice = f"{_what_to_believe(*shares[0])} {advice}"
+    return replace(trust, status="beyond", departures=tuple(departures), advice=advice)
+
+
+def _dry(run: RunDescription, soil: str) -> Trust:
+    table = measured_errors()
+    off = table["dry"]["end"]
+    departures = [] if _same_vehicle(run.vehicle) else [Departure("vehicle", (run.vehicle.name,), measured_vehicle())]
+    departures += _step_departures(run.steps.micro_step, math.nan, table)
+    error = (
+        f"the steps move the end of the path by {_percent(off)}; no vehicle that was driven on soil has been compared."
+    )
+    status, advice = ("beyond", "The error of the steps is not known.") if departures else ("measured", "")
+    return Trust("no water", status, error, soil, tuple(departures), off, off, advice)
+
+
+def _flow(run: RunDescription, soil: str) -> Trust:
+    flow = measured_errors()["flow"]
+    code = getattr(run.hydrodynamics, "flow", None)
+    if not isinstance(code, BuiltInFlow):
+        advice = f"{type(code).__name__} is a flow code of your own, which exumob has compared with nothing."
+        return Trust("flow in the loop", "not validated", "", soil, advice=advice)
+    if not _same_vehicle(run.vehicle):
+        advice = f"no run of this vehicle ({run.vehicle.name}) was repeated."
+        return Trust("flow in the loop", "not validated", flow_load_error(), soil, advice=advice)
+    error = (
+        f"on other cells, in another window and mirrored, {flow['scenario']} ended within {_percent(flow['end'])} of "
+        f"the path; {flow_load_error()}"
+    )
+    return Trust("flow in the loop", "measured", error, soil, (), flow["end"], flow["end"])
+
+
+def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
+    """Networks or coefficients, as if the run were like those that were measured."""
+    table, model = measured_errors(), run.hydrodynamics
+    name = "networks" if isinstance(model, SurrogateHydrodynamics) else "coefficients"
+    if isinstance(model, SurrogateHydrodynamics) and not _shipped(model):
+        advice = "networks of your own; compare them with runs that they have not learnt."
+        return Trust(name, "not validated", "", soil, advice=advice)
+    same, straight = _same_vehicle(run.vehicle), _is_straight(run)
+    rows = [row for row in table["runs"] if name == "coefficients" or not row["taught_networks"]]
+    off = [abs(row[name]["speed" if straight else "end"]) for row in rows]
+    mean, worst = float(np.mean(off)), float(np.max(off))
+    if straight:
+        amount = f"the speed straight ahead is {mean:.2g} m/s (at worst {worst:.2g} m/s) from that with"
+    else:
+        amount = f"the path ends {_percent(mean)} of its length (at worst {_percent(worst)}) from that with"
+    side, near = "", ""
+    if name == "coefficients":
+        side = _whither([row[name]["forward"] for row in rows], *(("fast", "slow") if straight else ("far", "short")))
+        nearest = _nearest(run.vehicle, water, rows)
+        if nearest is not None and same:
+            at = nearest[name]
+            number = f"{abs(at['speed']):.2g} m/s" if straight else _percent(at["end"])
+            near = f"; {number} in {nearest['scenario']}, which is nearest"
+    on = (
+        f"{len(rows)} {'runs' if straight else 'lane changes'}{' that they had not seen' if name == 'networks' else ''}"
+    )
+    which = "this vehicle" if same else f"the {measured_vehicle()} vehicle"
+    error = f"{amount} the flow in the loop{side}{near} ({on}; {which}, {table['soil']}, {_ranges(rows)})."
+    if same:
+        return Trust(name, "measured", error, soil, (), mean, worst, nearest=near)
+    advice = f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop. Elsewhere"
+    return Trust(name, "not validated", error, soil, advice=advice)
+
+
+def _departures(run: RunDescription, out_of_range: float | None, fallback: float | None) -> Iterator[Departure]:
+    """Find in what a run lies beyond those that were measured with its model and vehicle."""
+    table, water, model = measured_errors(), run.water, run.hydrodynamics
+    rows = table["runs"]
+    in_loop = isinstance(model, CfdHydrodynamics)
+    yield from _water_departures(run.vehicle, water, rows, table["density"])
+    if not _published(run.soil, table["soil"]):
+        own = f"{run.soil.name} with other values" if run.soil.name == table["soil"] else run.soil.name
+        yield Departure("soil", (own or "of your own",), table["soil"])
+    yield from _vehicle_departures(run.vehicle, table["vehicle"])
+    yield from _maneuver_departures(run, rows, table)
+    if abs(run.initial_speed) > 1e-6:
+        yield Departure("initial speed", (run.initial_speed,), "0", "m/s")
+    if in_loop:
+        code = getattr(model, "flow", None)
+        size = float(getattr(code, "cell_size", math.nan))
+        low, high = min(table["flow"]["cell_sizes"]), max(table["flow"]["cell_sizes"])
+        if not low * (1.0 - CLOSE) <= size <= high * (1.0 + CLOSE):
+            yield Departure("cells of", (1e3 * size,), _span(1e3 * low, 1e3 * high), "mm")
+        return
+    yield from _step_departures(run.steps.micro_step, run.steps.macro_step, table)
+    if isinstance(model, SurrogateHydrodynamics):
+        if len(model.networks) < len(table["networks"]):
+            yield Departure("networks", (float(len(model.networks)),), f"{len(table['networks'])} together")
+        if not model.fallback:
+            yield Departure("outside their range", ("networks alone",), "the coefficient model takes over")
+        most = max(row["networks"]["out_of_range"] for row in rows)
+        if out_of_range is not None and out_of_range > most + 0.005:
+            yield Departure(_RANGE, (100.0 * out_of_range,), f"{100.0 * most:.2g}", "% of the time")
+    elif isinstance(model, CoefficientHydrodynamics) and model.parameters != CoefficientHydrodynamics().parameters:
+        yield Departure("coefficients", ("of your own",), "the published ones")
+
+
+_RANGE = "outside the networks' training range for"
+
+
+def _water_departures(
+    vehicle: Vehicle, water: Water | None, rows: Sequence[Mapping[str, Any]], density: float
+) -> Iterator[Departure]:
+    if water is None:
+        return
+    for quantity, value, name, unit in (
+        ("depth ratio", water.depth / vehicle.wheel.diameter, "depth_ratio", ""),
+        ("current", water.current_speed, "current_speed", "m/s"),
+    ):
+        low, high = (end(row[name] for row in rows) for end in (min, max))
+        if not low - 1e-6 <= value <= high + 1e-6:
+            yield Departure(quantity, (value,), _span(low, high), unit)
+    aside = abs(math.degrees(math.remainder(water.current_direction - math.pi, 2.0 * math.pi)))
+    if water.current_speed > 0.0 and aside > 0.5:
+        yield Departure("current turned from ahead by", (aside,), "0", "deg")
+    if not math.isclose(water.density, density, rel_tol=0.03):
+        yield Departure("density", (water.density,), f"{density:g}", "kg/m³")
+
+
+def _vehicle_departures(vehicle: Vehicle, measured: Mapping[str, Any]) -> Iterator[Departure]:
+    trained, present = _flat(measured), _plain(vehicle)
+    for name, value in trained.items():
+        if name != "name" and name in present and not _same(present[name], value):
+            yield Departure(name, (_number(present[name]),), _number(value))
+
+
+def _maneuver_departures(
+    run: RunDescription, rows: Sequence[Mapping[str, Any]], table: Mapping[str, Any]
+) -> Iterator[Departure]:
+    maneuver = run.maneuver
+    if isinstance(maneuver, LaneChange):
+        angle = abs(math.degrees(maneuver.amplitude))
+        low, high = (end(abs(row["steering_deg"]) for row in rows) for end in (min, max))
+        if not low * (1.0 - CLOSE) <= angle <= high * (1.0 + CLOSE):
+            yield Departure("steering", (angle,), _span(low, high), "deg")
+        if not maneuver.end <= run.steps.duration <= table["duration"] * (1.0 + CLOSE):
+            yield Departure("duration", (run.steps.duration,), f"{table['duration']:g}", "s")
+        reference = LaneChange()
+        times = (maneuver.start, maneuver.end, maneuver.ramp_time)
+        if not np.allclose(times, (reference.start, reference.end, reference.ramp_time), rtol=0.05):
+            yield Departure("lane change", (f"from {maneuver.start:g} to {maneuver.end:g} s",), "2 to 5.5 s")
+    elif isinstance(maneuver, ConstantSteer):
+        if maneuver.angle != 0.0:
+            yield Departure("constant steering", (math.degrees(maneuver.angle),), "0", "deg")
+        if run.steps.duration < table["straight_duration"] * (1.0 - CLOSE):
+            yield Departure("duration", (run.steps.duration,), f"{table['straight_duration']:g}", "s")
+    else:
+        yield Departure("maneuver", (type(maneuver).__name__,), "lane change, straight ahead")
+        return
+    if not math.isclose(maneuver.speed, table["wheel_speed"], rel_tol=0.05):
+        yield Departure("wheel speed", (maneuver.speed,), f"{table['wheel_speed']:g}", "rad/s")
+
+
+def _step_departures(micro_step: float, macro_step: float, table: Mapping[str, Any]) -> Iterator[Departure]:
+    for quantity, value in (("micro_step", micro_step), ("macro_step", macro_step)):
+        if value > table[quantity] * (1.0 + CLOSE):
+            yield Departure(quantity.replace("_", " "), (1e3 * value,), f"{1e3 * table[quantity]:g}", "ms")
+
+
+def _merged(departures: Iterable[Departure]) -> list[Departure]:
+    found: dict[str, Departure] = {}
+    for one in departures:
+        known = found.get(one.quantity)
+        found[one.quantity] = one if known is None else replace(known, values=(*known.values, *one.values))
+    return list(found.values())
+
+
+def _what_to_believe(out_of_range: float, fallback: float) -> str:
+    """Say what to make of a run that was outside the networks' training range for a part of the time."""
+    if fallback < 0.005:
+        return (
+            "It left the range so little that the networks answered alone, extrapolating by less than a tenth of it: "
+            "expect more than the measured error."
+        )
+    return (
+        f"The coefficient model gave {100.0 * fallback:.0f} % of the loads; alone it ended {coefficients_off()}: "
+        "expect an error between both."
+    )
+
+
+# -- what a run is -----------------------------------------------------------------------------------------------------
+
+
+def _is_straight(run: RunDescription) -> bool:
+    return isinstance(run.maneuver, ConstantSteer) and run.maneuver.angle == 0.0
+
+
+def _shipped(model: SurrogateHydrodynamics) -> bool:
+    return {network.digest() for network in model.networks} <= set(measured_errors()["networks"])
+
+
+def _same_vehicle(vehicle: Vehicle) -> bool:
+    """Whether a vehicle has the shape of the one that was measured; its mass, say, may differ."""
+    measured, present = _flat(measured_errors()["vehicle"]), _plain(vehicle)
+    return all(_same(present.get(name), measured.get(name)) for name in GEOMETRY)
+
+
+def _published(soil: Soil, name: str) -> bool:
+    return soil.name == name and soil == Soil.published(name)
+
+
+def _soil_line(runs: Sequence[RunDescription]) -> str:
+    """Say what the forces of the soil rest on."""
+    wheel = measured_errors()["soil_forces"]
+    names = list(dict.fromkeys(run.soil.name or "soil" for run in runs))
+    named = ", ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else "")
+    own = any(not _is_published(run.soil) for run in runs)
+    flat = all(run.terrain.is_flat for run in runs)
+    return (
+        f"Soil: {'your own' if own else 'published'} values ({named}), {'flat' if flat else 'given terrain'}; "
+        f"{_percents(wheel['error_low'], wheel['error_high'])} of the load off on one measured wheel, up to "
+        f"{wheel['side_slip_deg']:g} deg of side slip."
+    )
+
+
+def _is_published(soil: Soil) -> bool:
+    try:
+        return soil == Soil.published(soil.name)
+    except ValueError:
+        return False
+
+
+def _nearest(vehicle: Vehicle, water: Water, rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+    """Find the measured run whose water is nearest, if it is near: within half the spacing of the measured ones."""
+    depth = water.depth / vehicle.wheel.diameter
+    away = [math.hypot((row["depth_ratio"] - depth) / 0.1, (row["current_speed"] - water.current_speed) / 0.5)
+            for row in rows]  # fmt: skip
+    nearest = int(np.argmin(away))
+    return rows[nearest] if away[nearest] <= 0.5 else None
+
+
+def _plain(vehicle: Vehicle) -> dict[str, Any]:
+    return _flat(json.loads(json.dumps(asdict(vehicle), default=str)))
+
+
+def _flat(nested: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, value in nested.items():
+        found |= _flat(value, f"{before}{name}.") if isinstance(value, Mapping) else {f"{before}{name}": value}
+    return found
+
+
+def _same(value: Any, other: Any) -> bool:
+    if isinstance(value, list) and isinstance(other, list):
+        return len(value) == len(other) and all(map(_same, value, other))
+    numbers = isinstance(value, int | float) and isinstance(other, int | float)
+    return math.isclose(value, other, rel_tol=CLOSE, abs_tol=1e-9) if numbers else bool(value == other)
+
+
+# -- words -------------------------------------------------------------------------------------------------------------
+
+
+def _number(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, int | float) else str(value)
+
+
+def _span(low: float, high: float) -> str:
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %" if share >= 1e-3 else "less than 0.1 %"
+
+
+def _percents(low: float, high: float) -> str:
+    return f"{100.0 * low:.2g} to {100.0 * high:.2g} %"
+
+
+def _whither(errors: Sequence[float], more: str = "far", less: str = "short") -> str:
+    """Say to which side errors lie, if all lie to one."""
+    if all(e > 0.0 for e in errors):
+        return f", always too {more}"
+    return f", always too {less}" if all(e < 0.0 for e in errors) else ""
+
+
+def _ranges(rows: Sequence[Mapping[str, Any]]) -> str:
+    depth, current = ([row[name] for row in rows] for name in ("depth_ratio", "current_speed"))
+    return f"depth ratio {_span(min(depth), max(depth))}, current {_span(min(current), max(current))} m/s from ahead"

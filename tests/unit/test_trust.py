@@ -1,0 +1,286 @@
+"""The line of trust: what was measured, beyond it by each quantity, other vehicles and models; the table behind it."""
+
+import importlib.util
+import json
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from exumob.coupling.explicit import Explicit
+from exumob.coupling.flow_in_loop import CfdHydrodynamics
+from exumob.driving.maneuver import ConstantSteer, Recorded, lane_change
+from exumob.driving.path_following import PathFollowing
+from exumob.ground.soil import Soil
+from exumob.ground.terrain import Terrain
+from exumob.paper.scenarios import TRAINING, UNSEEN
+from exumob.simulation.description import RunDescription, Steps
+from exumob.simulation.result_files import load_dataset
+from exumob.simulation.run import simulate
+from exumob.simulation.trust import coefficients_off, shape_differences, trust_of, trust_of_all
+from exumob.support.measured import measured_errors
+from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.sweeps.experiment import amphibious_crossing, amphibious_lane_change
+from exumob.vehicle.vehicle_file import load_vehicle
+from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
+from exumob.water.conditions import Water
+from exumob.water.hydrodynamics import NoWater
+from vehicle_models.amphibious import amphibious_vehicle
+
+ROOT = Path(__file__).parents[2]
+CAR = amphibious_vehicle()
+OTHER = load_vehicle(ROOT / "vehicle_models" / "light_4x4.py")
+NETWORKS = SurrogateHydrodynamics()
+RUN = RunDescription(
+    CAR, Soil.published("LETE sand"), Water.at_ratio(0.6, 1.0), Terrain(), lane_change(), NETWORKS, Explicit(),
+    Steps(8.0, 5e-4, 20e-3, 1e-2), 0.0,
+)  # fmt: skip
+COEFFICIENTS = replace(RUN, hydrodynamics=CoefficientHydrodynamics())
+STRAIGHT = replace(RUN, maneuver=ConstantSteer(), steps=replace(RUN.steps, duration=4.0))
+
+
+# -- measured ----------------------------------------------------------------------------------------------------------
+
+
+def test_networks_on_a_run_like_those_measured():
+    """Mean and worst of the unseen runs; those that taught the networks do not count."""
+    off = [row["networks"]["end"] for row in measured_errors()["runs"] if not row["taught_networks"]]
+    found = trust_of(RUN, 0.0, 0.0)
+    assert (found.model, found.status, found.departures) == ("networks", "measured", ())
+    assert (found.mean, found.worst) == (pytest.approx(np.mean(off)), max(off))
+    assert f"{100 * np.mean(off):.2g} % of its length (at worst {100 * max(off):.2g} %)" in found.line
+    assert "4 lane changes that they had not seen; this vehicle, LETE sand" in found.line
+    assert "published values (LETE sand), flat" in found.line
+
+
+def test_coefficients_are_far_worse_and_the_nearest_run_is_named():
+    found = trust_of(COEFFICIENTS)
+    assert found.status == "measured"
+    assert found.mean > 8.0 * trust_of(RUN, 0.0, 0.0).mean
+    assert "44 % in D60/U1, which is nearest" in found.line
+    assert "always too far" in found.line
+    assert "nearest" not in trust_of(replace(COEFFICIENTS, water=Water.at_ratio(0.6, 3.0))).line
+
+
+@pytest.mark.parametrize("run", [STRAIGHT, replace(COEFFICIENTS, maneuver=ConstantSteer(), steps=STRAIGHT.steps)])
+def test_straight_ahead_it_is_the_speed(run):
+    name = trust_of(run).model
+    rows = [row for row in measured_errors()["runs"] if name == "coefficients" or not row["taught_networks"]]
+    found = trust_of(run)
+    assert found.status == "measured"
+    assert found.worst == max(abs(row[name]["speed"]) for row in rows)
+    assert f"at worst {found.worst:.2g} m/s" in found.line
+
+
+def test_dry_ground_rests_on_soil_and_steps():
+    found = trust_of(replace(RUN, water=None, hydrodynamics=NoWater()))
+    assert (found.model, found.status) == ("no water", "measured")
+    assert "the steps move the end of the path by less than 0.1 %" in found.line
+    hills = trust_of(replace(RUN, water=None, hydrodynamics=NoWater(), terrain=Terrain.slope(0.1)))
+    assert "given terrain" in hills.line
+    assert trust_of(replace(RUN, water=None, vehicle=OTHER, hydrodynamics=NoWater())).status == "beyond"
+
+
+def test_flow_in_the_loop_says_how_well_it_repeats():
+    found = trust_of(replace(RUN, hydrodynamics=CfdHydrodynamics(cell_size=0.018)))
+    assert (found.model, found.status) == ("flow in the loop", "measured")
+    assert f"D60/U1 ended within {100 * measured_errors()['flow']['end']:.2g} % of the path" in found.line
+    assert "no vehicle was measured in water" in found.line
+    coarse = trust_of(replace(RUN, hydrodynamics=CfdHydrodynamics(cell_size=0.03, allow_coarse=True)))
+    assert coarse.status == "beyond"
+    assert "cells of 30 mm (15 to 18 mm)" in coarse.line
+
+
+# -- beyond ------------------------------------------------------------------------------------------------------------
+
+FINE_HULL = replace(CAR, hull=replace(CAR.hull, mass=60.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"water": Water.at_ratio(0.9, 1.0)}, "depth ratio 0.9 (0.4 to 0.6)"),
+        ({"water": Water.at_ratio(0.6, 1.5)}, "current 1.5 m/s (0 to 1 m/s)"),
+        ({"water": Water.at_ratio(0.6, 1.0, current_direction=math.radians(135.0))}, "turned from ahead by 45 deg"),
+        ({"water": Water.at_ratio(0.6, 1.0, density=1100.0)}, "density 1.1e+03 kg/m³ (1000 kg/m³)"),
+        ({"soil": Soil.published("Sandy loam 11 %")}, "soil Sandy loam 11 % (LETE sand)"),
+        ({"soil": replace(RUN.soil, n=0.9)}, "soil LETE sand with other values (LETE sand)"),
+        ({"vehicle": FINE_HULL}, "hull.mass 60 (49)"),
+        ({"maneuver": lane_change(math.radians(35.0))}, "steering 35 deg (15 to 30 deg)"),
+        ({"maneuver": lane_change(speed=15.0)}, "wheel speed 15 rad/s (10 rad/s)"),
+        ({"maneuver": ConstantSteer(angle=0.3)}, "constant steering 17.2 deg (0 deg)"),
+        ({"maneuver": PathFollowing()}, "maneuver PathFollowing (lane change, straight ahead)"),
+        ({"maneuver": Recorded([0, 1, 2, 3], np.zeros(4), [0, 1, 2, 3])}, "maneuver Recorded"),
+        ({"initial_speed": 1.0}, "initial speed 1 m/s (0 m/s)"),
+        ({"steps": replace(RUN.steps, duration=20.0)}, "duration 20 s (8 s)"),
+        ({"steps": replace(RUN.steps, duration=0.2)}, "duration 0.2 s (8 s)"),
+        ({"steps": replace(RUN.steps, macro_step=0.05)}, "macro step 50 ms (20 ms)"),
+        ({"steps": replace(RUN.steps, micro_step=1e-3)}, "micro step 1 ms (0.5 ms)"),
+        ({"hydrodynamics": SurrogateHydrodynamics(NETWORKS.networks[0])}, "networks 1 (5 together)"),
+        ({"hydrodynamics": SurrogateHydrodynamics(fallback=False)}, "networks alone"),
+    ],
+)  # fmt: skip
+def test_what_lies_beyond_is_named_with_what_was_measured(change, text):
+    found = trust_of(replace(RUN, **change), 0.0, 0.0)
+    assert found.status == "beyond"
+    assert len(found.departures) == 1
+    assert text in str(found.departures[0])
+    assert f"beyond what was measured: {found.departures[0]}. The error here is not known" in found.line
+
+
+def test_the_edges_of_what_was_measured_are_within():
+    for scenario in (*TRAINING, *UNSEEN):
+        run = replace(RUN, water=scenario.water(CAR), maneuver=scenario.maneuver())
+        assert trust_of(run, 0.0, 0.0).status == "measured", scenario.name
+    mirrored = replace(RUN, maneuver=lane_change(-math.radians(30.0)))
+    assert trust_of(mirrored, 0.0, 0.0).status == "measured"
+    calm = replace(RUN, water=Water.at_ratio(0.5, 0.0, current_direction=1.0))  # no current: no direction
+    assert trust_of(calm, 0.0, 0.0).status == "measured"
+
+
+def test_time_outside_the_training_range_says_what_to_believe():
+    slightly, far = trust_of(RUN, 0.495, 0.0), trust_of(RUN, 0.495, 0.32)
+    for found in (slightly, far):
+        assert "outside the networks' training range for 49.5 % of the time (0 % of the time)" in found.line
+    assert "the networks answered alone" in slightly.line
+    assert f"The coefficient model gave 32 % of the loads; alone it ended {coefficients_off()}" in far.line
+    assert trust_of(RUN, 0.004, 0.0).status == "measured"
+
+
+def test_own_coefficients_are_not_those_measured():
+    own = replace(RUN, hydrodynamics=CoefficientHydrodynamics(replace(Coefficients(), hull_surge_drag=1.0)))
+    assert "coefficients of your own (the published ones)" in trust_of(own).line
+
+
+# -- not validated -----------------------------------------------------------------------------------------------------
+
+
+def test_another_vehicle_was_not_validated():
+    found = trust_of(replace(COEFFICIENTS, vehicle=OTHER))
+    assert found.status == "not validated"
+    assert math.isnan(found.mean)
+    assert "this vehicle (light 4x4) was never compared with the flow in the loop" in found.line
+    assert "the amphibious vehicle, LETE sand" in found.line
+    assert "trust_mean_error" not in found.attributes()
+    loop = trust_of(replace(RUN, vehicle=OTHER, hydrodynamics=CfdHydrodynamics(cell_size=0.1)))
+    assert loop.status == "not validated"
+
+
+class OwnModel:
+    """A model of the water that nobody knows."""
+
+
+class OwnFlow:
+    """A flow code that nobody knows."""
+
+    start = advance = save = restore = report = lambda *given: None
+
+
+@pytest.mark.parametrize(
+    ("model", "text"),
+    [
+        (OwnModel(), "OwnModel, not validated: a model of your own"),
+        (CfdHydrodynamics(OwnFlow()), "OwnFlow is a flow code of your own"),
+        (SurrogateHydrodynamics(replace(NETWORKS.networks[0], arrays={
+            name: 1.01 * array for name, array in NETWORKS.networks[0].arrays.items()})), "networks of your own"),
+        (NoWater(), "there is water, and its loads are left out"),
+    ],
+)  # fmt: skip
+def test_models_that_were_not_measured(model, text):
+    found = trust_of(replace(RUN, hydrodynamics=model))
+    assert found.status == "not validated"
+    assert text in found.line
+
+
+def test_differences_in_shape_are_named():
+    trained = NETWORKS.networks[0].about["geometry"]
+    assert shape_differences(CAR, trained) == []
+    assert shape_differences(FINE_HULL, trained) == []  # mass is no shape
+    assert shape_differences(replace(CAR, track=0.7), trained) == ["track = 0.7, they were trained with 0.66"]
+
+
+# -- where it is kept --------------------------------------------------------------------------------------------------
+
+
+def test_every_result_carries_it(short_run, sand):
+    attrs = short_run.attrs
+    assert attrs["trust"].startswith("coefficients, beyond what was measured: duration 0.2 s")
+    assert attrs["trust_model"] == "coefficients"
+    assert attrs["trust_status"] == "beyond"
+    assert attrs["trust_beyond"] == "duration 0.2 s (8 s)"
+    assert attrs["trust_mean_error"] < attrs["trust_worst_error"]
+    deep = simulate(CAR, sand, Water.at_ratio(0.75, 1.2), duration=0.06, micro_step=5e-4, macro_step=20e-3)
+    assert "outside the networks' training range for 100 % of the time" in deep.attrs["trust"]
+
+
+def test_a_sweep_names_each_quantity_once_with_its_range():
+    experiment = replace(amphibious_lane_change(), hydrodynamics="networks")
+    cases = [{"water.current_speed": u, "soil": s} for u in (0.5, 1.2, 1.5) for s in ("LETE sand", "Lunar soil")]
+    found = experiment.trust(cases)
+    assert found["trust_beyond"] == "current 1.5 m/s (0 to 1 m/s); soil Lunar soil (LETE sand)"
+    both = experiment.trust([{"hydrodynamics": "networks"}, {"hydrodynamics": "coefficients"}])
+    assert both["trust"].count("Soil:") == 2
+    crossing = replace(amphibious_crossing(), duration=4.0, hydrodynamics="networks")
+    assert crossing.trust([{"water.depth_ratio": 0.4}, {"water.depth_ratio": 0.6}])["trust_status"] == "measured"
+    assert experiment.trust([{"soil.c1": 0.9}, {"soil.c1": 0.1}])["trust_status"] == "beyond"  # 0.9 is refused
+
+
+def test_runs_together_have_the_range_of_all():
+    runs = [replace(RUN, water=Water.at_ratio(ratio, 0.5)) for ratio in (0.3, 0.5, 0.8)]
+    assert [str(d) for d in trust_of_all(runs).departures] == ["depth ratio 0.3 to 0.8 (0.4 to 0.6)"]
+    cheap = [replace(run, hydrodynamics=COEFFICIENTS.hydrodynamics) for run in runs[:2]]
+    assert "nearest" in trust_of_all(cheap[1:]).line
+    assert "nearest" not in trust_of_all(cheap).line  # each has another one
+
+
+# -- the table ---------------------------------------------------------------------------------------------------------
+
+
+def test_table_is_of_the_shipped_networks_and_the_paper_vehicle():
+    table = measured_errors()
+    assert table["networks"] == [network.digest() for network in NETWORKS.networks]
+    assert [row["scenario"] for row in table["runs"]] == [s.name for s in (*TRAINING, *UNSEEN)]
+    assert table["vehicle"]["hull"]["length"] == CAR.hull.length
+
+
+def test_table_agrees_with_what_other_studies_found():
+    """Final positions of the studies of the networks: they were made by other runs, of another day."""
+    table = {row["scenario"]: row for row in measured_errors()["runs"]}
+    for file in ("predict_unseen.nc", "reproduce_training.nc"):
+        study = load_dataset(ROOT / "studies" / "figures" / file)
+        for model, name in (("published coefficients", "coefficients"), ("residual, ensemble", "networks")):
+            for scenario in study["scenario"].values:
+                final = 0.01 * float(study["final"].sel(model=model, scenario=scenario)[0])
+                assert table[str(scenario)][name]["end"] == pytest.approx(final, abs=2e-3), (model, scenario)
+
+
+def test_figures_of_other_pages_are_still_those_of_the_table():
+    sys.path.insert(0, str(ROOT / "studies"))
+    try:
+        spec = importlib.util.spec_from_file_location("study_of_errors", ROOT / "studies" / "measured_errors.py")
+        study = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(study)
+    finally:
+        sys.path.remove(str(ROOT / "studies"))
+    table = measured_errors()
+    found = study.validated((ROOT / "docs" / "validation.md").read_text())
+    assert {name: table[name] for name in found} == json.loads(json.dumps(found))
+    assert table["flow"] == study.repeatability(load_dataset(ROOT / "studies" / "figures" / "cfd_lane_change.nc"))
+    with pytest.raises(ValueError, match="no longer holds"):
+        study.validated("nothing")
+
+
+def test_page_of_the_study_gives_the_figures_of_the_table():
+    page = (ROOT / "docs" / "studies" / "measured_errors.md").read_text()
+    rows = measured_errors()["runs"]
+    unseen = [row["networks"] for row in rows if not row["taught_networks"]]
+    for found in (unseen, [row["coefficients"] for row in rows]):
+        ends, speeds = ([abs(one[kind]) for one in found] for kind in ("end", "speed"))
+        for text in (f"{100 * np.mean(ends):.2g} %", f"{100 * max(ends):.2g} %", f"{np.mean(speeds):.2g} m/s",
+                     f"{max(speeds):.2g} m/s"):  # fmt: skip
+            assert f"| {text}" in page, text
+    assert max(row["networks"]["out_of_range"] for row in rows) == 0.0  # "in none of the thirteen runs"
+    assert f"repeats to {100 * measured_errors()['flow']['end']:.2g} % of the path" in page
