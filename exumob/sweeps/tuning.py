@@ -83,7 +83,7 @@ class Tuned:
 @checked
 def tune(
     experiment: Experiment, ranges: Any, objective: Objective, folder: str | Path, *,
-    cases: Any = ({},), method: Genetic | Simplex = Genetic(),
+    cases: Sequence[Any] = ({},), method: Genetic | Simplex = Genetic(),
 ) -> Tuned:  # fmt: skip
     """Find the values within ranges for which an objective is least.
 

@@ -1,10 +1,5 @@
 """Training: reproducible, resumed, exact where the loads are a polynomial; the data set that it reads."""
 
-import json
-import os
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +16,6 @@ pytest.importorskip("torch")
 from exumob.learning.evaluation import open_loop, predicted_loads
 from exumob.learning.presets import Preset
 from exumob.learning.training import train
-from exumob.simulation.result_files import save_dataset
 
 
 def test_training_learns_and_is_reproducible_and_resumed(runs, vehicle, tmp_path):
@@ -78,55 +72,3 @@ def test_runs_of_the_data_set_are_whole():
             np.broadcast_to([water.current_speed, water.depth], (8001, 5, 2)), abs=1e-6
         )
         assert abs(float(run["steering_angle"].values.max()) - np.radians(abs(scenario.steering))) < 0.02
-
-
-ENDLESS = """
-import json, multiprocessing, sys
-from multiprocessing import resource_tracker
-from pathlib import Path
-from exumob.learning.dataset import load_runs
-from exumob.learning.presets import Preset
-from exumob.learning.training import train
-from exumob.surrogates.networks import Architecture
-from vehicle_models.amphibious import amphibious_vehicle
-
-def say(step):
-    children = [child.pid for child in multiprocessing.active_children()]
-    print(json.dumps([*children, resource_tracker._resource_tracker._pid]), flush=True)
-
-if __name__ == "__main__":
-    folder = Path(sys.argv[1])
-    preset = Preset("endless", Architecture(("forward_flow",), 2, 5, "lstm", 8, 8), epochs=10**6, thinning=50)
-    runs = load_runs(sorted(folder.glob("*.nc")))
-    train([preset], runs, amphibious_vehicle(), folder / "networks", seeds=[0], jobs=2, progress=say)
-"""
-
-
-def is_there(pid):
-    """Whether a process exists and is no zombie that nobody has looked for."""
-    try:
-        os.kill(pid, 0)
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except (ProcessLookupError, FileNotFoundError):
-        return False
-
-
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
-def test_training_that_is_killed_leaves_no_process_behind(runs, tmp_path):
-    """kill -9: workers, the manager of their queue and the tracker of resources end within seconds; no half file."""
-    for n, run in enumerate(runs.values()):
-        save_dataset(run, tmp_path / f"{n}.nc")
-    (tmp_path / "endless.py").write_text(ENDLESS)
-    leader = subprocess.Popen(
-        [sys.executable, str(tmp_path / "endless.py"), str(tmp_path)], stdout=subprocess.PIPE, text=True
-    )
-    children = json.loads(leader.stdout.readline())
-    assert len(children) == 4 and all(map(is_there, children))
-    leader.kill()
-    leader.wait()
-    leader.stdout.close()
-    end = time.monotonic() + 10.0
-    while any(map(is_there, children)) and time.monotonic() < end:
-        time.sleep(0.1)
-    assert not any(map(is_there, children))
-    assert not list((tmp_path / "networks").rglob("*.partial"))
