@@ -58,8 +58,6 @@ UNITS = {
     "none": {"": 1.0, "1": 1.0, "-": 1.0},
 }
 """Known units of each kind, with their factors to SI."""
-LARGEST_LOAD = 10.0
-"""Largest force of the water over density (g L + v^2) L^2, L the distance of the wheels [-]; chosen by us."""
 COARSEST = 0.01
 """Longest interval between samples that still resolves the water's loads [s]."""
 SPEED_TOLERANCE = 0.05

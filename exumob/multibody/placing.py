@@ -37,6 +37,10 @@ def standing_pose(vehicle: Vehicle, terrain: Terrain) -> tuple[Array, Array]:
         if max(abs(raised), *np.abs(turned)) < 1e-12:
             break
         height, slopes = height + raised, np.clip(slopes + turned, -2.0, 2.0)
+    else:  # no pose fits better and better; the last one, raised, is as good as any
+        rotation = _frame_on(slopes)
+        centers = np.array([0.0, 0.0, height]) + vehicle.wheel_centers @ rotation.T
+        gaps = np.array([_above_contact(vehicle.wheel.radius, terrain, center) for center in centers])
     return np.array([0.0, 0.0, height - min(gaps.min(), 0.0)]), rotation
 
 

@@ -7,6 +7,7 @@ user loads: one gather before each Newton residual, each load returns its row.
 from __future__ import annotations
 
 import copy
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -31,6 +32,8 @@ from exumob.support.errors import SimulationError
 from exumob.support.exudyn import exu
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -99,8 +102,6 @@ class MultibodyVehicle:
         self._heights = terrain.as_arrays()[1]
         self._ground_normal = standing_pose(vehicle, terrain)[1][:, 2]
         self._command = DrivingCommand()
-        self.loosened = 0
-        """Macro steps in which Newton's tolerance had to be loosened"""
         self.start_kind = ""
         """How the run started, see `exumob.multibody.settling.Start`"""
         self._driving = False  # until the vehicle has settled: wheels locked, steering as at time 0
@@ -313,7 +314,10 @@ class MultibodyVehicle:
                 newton.relativeTolerance, newton.absoluteTolerance = tolerance, 1e-2 * tolerance
                 self._go_on_from(before, settings)
                 if self._solve(settings, end_time):
-                    self.loosened += 1
+                    logger.warning(
+                        "%s: Newton's iterations stopped short of the usual tolerance in the macro step that ends at "
+                        "%.4f s; it was solved to %g of its first residual.", self.vehicle.name, end_time, tolerance,
+                    )  # fmt: skip
                     newton.relativeTolerance, newton.absoluteTolerance = usual
                     self._go_on_from(self.save(histories=False), settings)
                     return

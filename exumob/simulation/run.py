@@ -208,14 +208,17 @@ def _settle(model: MultibodyVehicle, run: RunDescription, store: Checkpoints | N
     """Find the static equilibrium of the vehicle with the loads of the water; it is the state at time 0."""
     hydrodynamics = run.hydrodynamics
     if isinstance(hydrodynamics, SpinUpHydrodynamics):
+        found: list[Start] = []
 
         def settle(load: Callable[[BodyStates], Array]) -> BodyStates:
-            model.settle(load)
+            found.append(model.settle(load))
             return model.present()
 
         keep = (lambda saved: None) if store is None else store.keep_spin_up
         begun = None if store is None else store.spin_up
         hydrodynamics.run_spin_up(run.vehicle, run.water, run.steps.macro_step, settle, keep, begun)
+        if found:
+            _say_start(run, model, found[-1])
         return
 
     def load(states: BodyStates) -> Array:

@@ -289,7 +289,7 @@ def _judged(run: xr.Dataset, limits: VerdictLimits, size: _Dimensions, depth: fl
                 conditions.append(Condition(kind, round(float(time[held[0]]), 6), until, text))
     status, cause = str(run.attrs.get("status", "")), str(run.attrs.get("cause", ""))
     broke = status.startswith("broke down")
-    if cause in CONDITIONS and cause not in [found.kind for found in conditions]:
+    if cause in CONDITIONS and cause not in [found.kind for found in conditions if found.lasted]:
         conditions.append(Condition(cause, _end_of(status, time), math.nan, ""))
         conditions.sort(key=lambda found: list(CONDITIONS).index(found.kind))
     ended = ""

@@ -364,7 +364,8 @@ def _tuple(inner: tuple[Any, ...], quantity: Quantity | None) -> _Kind:
     def check(name: str, value: Any) -> Any:
         if not fits(value):
             raise _refused(name, value, wanted)
-        if getattr(value, "mask", False) is not False:
+        mask: Any = getattr(value, "mask", False)
+        if mask is True or (hasattr(mask, "any") and mask.any()):
             raise ValueError(f"{name} is a masked array; give numbers alone.")
         given = value.tolist() if hasattr(value, "tolist") else value
         if parts and not any_length and len(given) != len(parts):

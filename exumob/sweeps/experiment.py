@@ -29,7 +29,7 @@ from exumob.simulation.trust import trust_of_all
 from exumob.simulation.water_models import DEFAULT_MODEL, MODELS, hydrodynamics_named
 from exumob.support import quantities
 from exumob.support.declared import Declared, DeclaredField, check_of, declared_fields
-from exumob.support.quantities import DEPTH_RATIO, Quantity, shown
+from exumob.support.quantities import DEPTH_RATIO, STEP, Quantity, shown
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import GEOMETRY
 from exumob.vehicle.parameters import Vehicle
@@ -51,8 +51,6 @@ WHOLE = ("setting", "soil", "maneuver", "hydrodynamics")
 PARTS = ("soil", "water", "maneuver", "hydrodynamics")
 """Owners of fields; the fields of all others are the vehicle's."""
 RATIO, MEMBER = "water.depth_ratio", "hydrodynamics.member"
-STEP = Quantity("s", above=0.0, at_most=1e6)
-"""A step of time."""
 
 
 @dataclass(frozen=True)
@@ -334,7 +332,15 @@ class Experiment(Declared):
         )
         rolling = self.maneuver.wheel_speed(0.0)[0] * self.vehicle.wheel.radius
         return RunDescription(
-            self.vehicle, self.soil, self.water, Terrain(), self.maneuver, hydrodynamics, Explicit(), steps, rolling
+            self.vehicle,
+            self.soil,
+            self.water,
+            Terrain(),
+            self.maneuver,
+            hydrodynamics,
+            Explicit(),
+            steps,
+            rolling if self.initial_speed is None else self.initial_speed,
         )
 
     def trust(self, cases: Sequence[Mapping[str, Any]]) -> dict[str, str | float]:

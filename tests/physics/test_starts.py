@@ -72,6 +72,18 @@ def test_on_uneven_ground_no_tyre_begins_below_the_surface_and_it_settles(shape)
     assert model.loads[0]["soil_force"][:, 2].sum() == pytest.approx(9.81 * vehicle.mass, rel=2e-3)
 
 
+def test_on_ground_that_no_pose_fits_no_tyre_begins_below_the_surface():
+    """Heights drawn at random: the fit does not converge, and the vehicle is raised from where it ended."""
+    vehicle = VEHICLES["amphibious"]
+    for seed in range(40):
+        heights = np.random.default_rng(seed).normal(0.0, 0.08, (41, 41))
+        terrain = Terrain(heights=heights, origin=(-2.0, -2.0), spacing=0.1, steepest=50.0)
+        position, rotation = standing_pose(vehicle, terrain)
+        for center in position + vehicle.wheel_centers @ rotation.T:
+            height, normal = terrain.height_and_normal(*center[:2])
+            assert center[2] - height - vehicle.wheel.radius / normal[2] > -1e-9
+
+
 # -- slopes ------------------------------------------------------------------------------------------------------------
 
 
