@@ -84,6 +84,10 @@ def judge_crossing(run: xr.Dataset, limits: Limits) -> dict[str, float]:
         raise ValueError(
             f"judge_crossing: the run ends at {end:g} s; it must be longer than Limits.window = {limits.window} s."
         )
+    if verdict.kind == "too short to tell":
+        raise ValueError(
+            f"judge_crossing: {verdict.sentence}; give a longer run, or a shorter VerdictLimits.persistence."
+        )
     late = run.sel(time=slice(end - limits.window, None))
     hull = late["position"].sel(body="hull").values
     span = float(late["time"][-1] - late["time"][0])

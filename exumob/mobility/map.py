@@ -12,10 +12,8 @@ import itertools
 import json
 import logging
 import math
-import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, is_dataclass, replace
-from operator import attrgetter
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,12 +26,11 @@ from exumob.mobility.lattice import CONFIDENCE, Lattice, fewest_runs, sides
 from exumob.simulation.result_files import save_dataset
 from exumob.support.arrays import Array
 from exumob.support.cost import require_memory
-from exumob.support.declared import Declared, checked, declared_fields
+from exumob.support.declared import Declared, checked
 from exumob.support.files import atomic_write
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity
 from exumob.surrogates.networks import GEOMETRY
-from exumob.sweeps.experiment import STEPS, Experiment
 from exumob.sweeps.run import Progress, sweep
 from exumob.sweeps.sampling import (
     ANY,
@@ -46,7 +43,6 @@ from exumob.sweeps.sampling import (
     require_room_for,
     sample,
 )
-from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)
 
@@ -184,25 +180,6 @@ def _extreme(draws: list[Case]) -> list[Case]:
         if all(isinstance(factor, int | float) for factor in factors):
             chosen |= {int(np.argmin(factors)), int(np.argmax(factors))}
     return [draws[n] for n in sorted(chosen)]
-
-
-def quantity_of(experiment: Experiment, name: str) -> tuple[str, str]:
-    """Return the unit, as in netCDF, and the meaning of a parameter by its dotted name."""
-    if name == "water.depth_ratio":
-        return "1", "depth of the water over the tyres' diameter"
-    if name in STEPS:
-        return "s", name.replace("_", " ")
-    first, _, rest = name.rpartition(".")
-    owners = {
-        "soil": experiment.soil, "water": experiment.water or Water(1.0), "maneuver": experiment.maneuver,
-        "hydrodynamics": experiment.coefficients, "": experiment.vehicle,
-    }  # fmt: skip
-    owner = owners[first] if first in owners else attrgetter(first)(experiment.vehicle)
-    for declared in declared_fields(type(owner)) if is_dataclass(owner) else ():
-        if declared.name == rest:
-            unit = "1" if declared.quantity is None else declared.quantity.unit
-            return unit.replace("/s", " s-1"), re.split(r"[:;]|\. ", declared.meaning)[0].rstrip(".") or name
-    return "1", name
 
 
 def table(mapped: xr.Dataset) -> Any:
@@ -372,7 +349,7 @@ def compute_map(
     has_range = wanted.crossing.experiment.hydrodynamics == "networks"
     result = lattice.dataset(has_range)
     for dim, axis in (("x", wanted.x), ("y", wanted.y)):
-        unit, text = quantity_of(wanted.crossing.experiment, axis.name)
+        unit, text = wanted.crossing.experiment.meaning(axis.name)
         result[dim].attrs |= {"units": unit, "long_name": text}
     result["panel"].attrs |= {"units": "1", "long_name": "name of the map"}
     result.attrs |= provenance() | wanted.trust() | counts | {

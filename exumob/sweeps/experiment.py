@@ -366,7 +366,10 @@ class Experiment(Declared):
             wet = next((run for run in runs if run.water is not None), runs[0])
             with contextlib.suppress(ValueError):
                 model = wet.water_model()
-                more = trust_of_all([run.description(model) for run in runs]).attributes()
+                own = [
+                    run.water_model() if run.hydrodynamics == "coefficients" and run.water else model for run in runs
+                ]
+                more = trust_of_all([run.description(its) for run, its in zip(runs, own, strict=True)]).attributes()
                 attributes = more if not attributes else {"trust": f"{attributes['trust']} {more['trust']}"}
         return attributes
 

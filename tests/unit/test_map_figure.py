@@ -14,7 +14,7 @@ from scipy.stats import binom, norm
 
 from exumob.mobility.crossing import FAILURES
 from exumob.mobility.lattice import Lattice, fewest_runs, separated_cells, sides, wilson_interval
-from exumob.mobility.map import quantity_of, table, verdict_lines
+from exumob.mobility.map import table, verdict_lines
 from exumob.mobility.map_figure import plot_map
 from exumob.sweeps.experiment import amphibious_crossing
 
@@ -212,10 +212,11 @@ def test_every_variable_of_a_map_has_unit_and_name():
     [
         ("water.depth_ratio", "1"), ("water.current_speed", "m s-1"), ("water.depth", "m"), ("soil.cohesion", "Pa"),
         ("hull.mass", "kg"), ("wheelbase", "m"), ("maneuver.speed", "rad s-1"), ("duration", "s"),
+        ("water.density", "kg m-3"), ("initial_speed", "m s-1"),
     ],
 )  # fmt: skip
 def test_axes_know_the_units_of_their_parameters(name, unit):
-    found = quantity_of(amphibious_crossing(), name)
+    found = amphibious_crossing().meaning(name)
     assert found[0] == unit
     assert found[1]
 

@@ -284,3 +284,15 @@ def test_page_of_the_study_gives_the_figures_of_the_table():
             assert f"| {text}" in page, text
     assert max(row["networks"]["out_of_range"] for row in rows) == 0.0  # "in none of the thirteen runs"
     assert f"repeats to {100 * measured_errors()['flow']['end']:.2g} % of the path" in page
+
+
+def test_a_sweep_names_what_lies_beyond_in_any_of_its_cases():
+    """Coefficients that are swept are not the published ones; a start in motion was not measured."""
+    from exumob.sweeps.experiment import amphibious_lane_change
+
+    base = replace(amphibious_lane_change(), hydrodynamics="coefficients")
+    published = base.coefficients.hull_surge_drag
+    cases = [{"hydrodynamics.hull_surge_drag": share * published} for share in (1.0, 0.5)]
+    assert base.trust([{}])["trust_status"] == "measured"
+    assert "coefficients" in base.trust(cases)["trust_beyond"]
+    assert "initial speed 2 m/s" in replace(base, initial_speed=2.0).trust([{}])["trust_beyond"]
