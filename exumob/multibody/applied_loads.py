@@ -14,7 +14,7 @@ from numba import njit
 
 from exumob.ground.soil import SOIL_RECORD, Soil
 from exumob.ground.terrain import TERRAIN_RECORD, Terrain
-from exumob.multibody.rigid_body import angular_velocity, cross, dot, rotation_matrix
+from exumob.multibody.rigid_body import angular_velocity, cross, dot, generalized_moment, rotation_matrix
 from exumob.multibody.soil_contact import WHEEL_CONTACT, soil_on_wheel
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
@@ -135,8 +135,9 @@ def stop_force(penetration: float, stiffness: float, softening: float) -> tuple[
 
 @njit(cache=True, error_model="numpy")
 def vehicle_loads(
-    parameters: np.ndarray, heights: Array, coordinates: Array, velocities: Array, reference: Array, loads: np.ndarray
-) -> None:
+    parameters: np.ndarray, heights: Array, coordinates: Array, velocities: Array, reference: Array, loads: np.ndarray,
+    generalized: Array,
+) -> None:  # fmt: skip
     """Compute the loads on all bodies for given coordinates.
 
     Parameters
@@ -148,6 +149,9 @@ def vehicle_loads(
         Node displacements and Euler-parameter increments, their rates, and the reference values.
     loads : array of dtype `LOADS`, shape (1,)
         ``loads["water_wrench"]`` is read; everything else is written.
+    generalized : array, shape (63,), changed
+        The same loads as generalised forces on the coordinates: for each body its force [N] and 2 G^T(e) times its
+        torque [N m].
     """
     p = parameters[0]
     out = loads[0]
@@ -159,6 +163,21 @@ def vehicle_loads(
         _water_on_wheel(p, motion, i, out)
         _suspension(p, motion, i, out)
         _soil(p, heights, motion, i, contact, out)
+    _generalize(motion, out, generalized)
+
+
+@njit(cache=True, error_model="numpy")
+def _generalize(motion: BodyMotion, out: Any, generalized: Array) -> None:
+    for k in range(3):
+        generalized[k] = out.hull_force[k]
+    generalized_moment(motion.node[0], out.hull_torque, generalized[3:7])
+    for i in range(4):
+        upright, wheel = 7 * (1 + i), 7 * (5 + i)
+        for k in range(3):
+            generalized[upright + k] = out.upright_force[i, k]
+            generalized[wheel + k] = 0.0
+        generalized_moment(motion.node[1 + i], out.upright_torque[i], generalized[upright + 3 : upright + 7])
+        generalized_moment(motion.node[5 + i], out.wheel_torque[i], generalized[wheel + 3 : wheel + 7])
 
 
 @njit(cache=True, error_model="numpy")
