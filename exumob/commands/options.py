@@ -13,9 +13,11 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
+import click
 import typer
 from typer.core import TyperCommand
 
+from exumob.commands.shared import fail
 from exumob.support.quantities import CELL_SIZE, CURRENT_SPEED, DIRECTION, DURATION, STEP, Quantity, Unusual
 
 RUN = "Run"
@@ -26,6 +28,22 @@ EXPERT = "Expert"
 
 class PanelCommand(TyperCommand):
     """A command whose help shows its options in panels, in plain text."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; where the system refuses a file that nothing else has asked about, say so."""
+        for parameter in self.get_params(ctx):  # an empty name would be the folder in which one is
+            given = ctx.params.get(parameter.name)
+            paths = isinstance(parameter.type, click.Path)
+            if paths and "" in (given if isinstance(given, list | tuple) else (given,)):
+                fail(
+                    ValueError(f"{max(parameter.opts, key=len)}: the name is empty; give the name of a file or folder.")
+                )
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            fail(error)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write a section for each panel, in the order in which the panels first appear."""
