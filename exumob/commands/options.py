@@ -13,7 +13,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
-import click
 import typer
 from typer.core import TyperCommand
 
@@ -31,13 +30,6 @@ class PanelCommand(TyperCommand):
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command; where the system refuses a file that nothing else has asked about, say so."""
-        for parameter in self.get_params(ctx):  # an empty name would be the folder in which one is
-            given = ctx.params.get(parameter.name)
-            paths = isinstance(parameter.type, click.Path)
-            if paths and "" in (given if isinstance(given, list | tuple) else (given,)):
-                fail(
-                    ValueError(f"{max(parameter.opts, key=len)}: the name is empty; give the name of a file or folder.")
-                )
         try:
             return super().invoke(ctx)
         except BrokenPipeError:

@@ -8,6 +8,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pytest
 import typer
+from made_up_runs import made_up_run
 from typer.testing import CliRunner
 
 from exumob.__main__ import app
@@ -56,6 +57,7 @@ def test_places_that_cannot_be_written_are_refused_before_the_run(command, optio
 def test_every_file_of_a_run_is_tried_though_others_cannot_be_written(short_run, tmp_path, monkeypatch, capsys):
     targets = {f"--{name}": tmp_path / f"run{end}" for name, end in
                (("output", ".nc"), ("figure", ".png"), ("animate", ".gif"))}  # fmt: skip
+    monkeypatch.setattr("exumob.simulation.plotting.plot_run", lambda run: plt.figure())
     monkeypatch.setattr("exumob.support.figures.atomic_write", full)
     monkeypatch.setattr("exumob.simulation.animation.animate_run", full)
     assert not report_run(short_run, targets)
@@ -64,8 +66,8 @@ def test_every_file_of_a_run_is_tried_though_others_cannot_be_written(short_run,
         assert re.search(rf"{name}: {what} could not be written \(No space left on device\); make room", said), said
     assert [path.name for path in tmp_path.iterdir()] == ["run.nc"]
     monkeypatch.setattr("exumob.simulation.result_files.save_dataset", full)
-    monkeypatch.undo()
-    assert report_run(short_run, targets | {"--animate": None})
+    assert not report_run(short_run, targets | {"--figure": None, "--animate": None})
+    assert "run.nc: the result could not be written" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize("error", [
@@ -178,3 +180,39 @@ def test_every_command_with_a_current_takes_unusual_values():
         options = {option for parameter in command.params for option in parameter.opts}
         if "--current" in options:
             assert {"--unusual", "--current-direction"} <= options, name
+
+
+@pytest.mark.parametrize("fails, code, tried", [(False, 0, 2), (True, 2, 1)])
+def test_fields_that_cannot_be_written_do_not_cost_the_run(fails, code, tried, tmp_path, monkeypatch):
+    from exumob.flow.output.vtk import VtkSeries
+
+    seen = []
+
+    def add(self, *instant):
+        seen.append(instant)
+        if fails:
+            raise FULL
+
+    def run(*_, on_snapshot, **__):
+        on_snapshot(1, 2)
+        on_snapshot(3, 4)
+        return "result"
+
+    monkeypatch.setattr(VtkSeries, "add", add)
+    monkeypatch.setattr("exumob.towing_tank.run.captive_run", run)
+    monkeypatch.setattr("exumob.commands.captive._report", lambda result, targets: result == "result")
+    answer = call("captive", "--vtk", tmp_path / "fields", "--coarse", "--cell-size", "0.04")
+    assert answer.exit_code == code and len(seen) == tried, answer.output
+    assert fails == ("fields: further fields could not be written (No space" in " ".join(answer.output.split()))
+
+
+def test_training_is_refused_before_its_cost_is_said(tmp_path, monkeypatch, caplog):
+    """Runs of a vehicle of another size; and nothing is made."""
+    pytest.importorskip("torch")
+    runs = {name: made_up_run(1.5, end=0.1) for name in "ab"}
+    monkeypatch.setattr("exumob.learning.training.check_run", lambda run, name: None)
+    monkeypatch.setattr("exumob.learning.examples.training_runs", lambda folder: runs)
+    answer = call("train", "--output", tmp_path / "new", "--preset", "paper-lstm", "--seeds", "1000")
+    assert answer.exit_code == 2 and "Networks learn from runs of their own vehicle" in " ".join(answer.output.split())
+    assert "training of" not in answer.output + caplog.text
+    assert list(tmp_path.iterdir()) == []
