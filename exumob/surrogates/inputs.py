@@ -6,15 +6,25 @@ besides: velocities through the water, rates of rotation, immersion and tilt.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
 from exumob.vehicle.motion import BodyStates
 from exumob.water.conditions import Water
-from exumob.water.flow_states import FLOW_STATE_UNITS, FLOW_STATES, HorizontalMotion, flow_states, horizontal_motion
+from exumob.water.flow_states import (
+    FLOW_STATE_UNITS,
+    FLOW_STATES,
+    angle_of_attack,
+    horizontal_motion,
+    sideslip_angle,
+)
 
 
 class Input(NamedTuple):
@@ -55,16 +65,26 @@ MIRRORED_LOADS = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 """Signs of a wrench (Fx, Fy, Fz, Mx, My, Mz) in the mirrored motion."""
 
 
-def network_inputs(states: BodyStates, water: Water, names: Sequence[str]) -> Array:
+def network_inputs(
+    states: BodyStates,
+    water: Water,
+    names: Sequence[str],
+    rows: NDArray[np.intp] | slice = slice(None),
+    *,
+    still: bool = False,
+) -> Array:
     """Return the input features of the five networks.
 
     Parameters
     ----------
     states : BodyStates
-        n instants.
     water : Water
     names : sequence of str
         Names from `INPUTS`.
+    rows : array of int or slice, optional
+        The n instants of `states` that are wanted; default: all.
+    still : bool
+        True: all velocities are taken as 0.
 
     Returns
     -------
@@ -76,15 +96,16 @@ def network_inputs(states: BodyStates, water: Water, names: Sequence[str]) -> Ar
     ValueError
         If a name is not known.
     """
-    unknown = [name for name in names if name not in INPUTS]
-    if unknown:
-        raise ValueError(f"network input {unknown[0]!r} is not known; use {', '.join(INPUTS)}.")
-    motion = horizontal_motion(states)
-    columns = np.moveaxis(flow_states(states, water, motion), -1, 0)
-    found: dict[str, Array] = dict(zip(FLOW_STATES, columns, strict=True))
-    if not set(names) <= set(found):
-        found |= _additional_features(states, water, motion, found)
-    return np.stack([found[name] for name in names], axis=-1)
+    position, rotation, velocity, spin = (
+        np.array(values[rows], float, order="C")  # a copy in C order: one memory layout, so that the kernel is compiled once
+        for values in (states.position, states.rotation, states.velocity, states.angular_velocity)
+    )
+    if still:
+        velocity[:], spin[:] = 0.0, 0.0
+    features = np.empty((*position.shape[:2], len(INPUTS)))
+    flow = float(water.depth), float(water.current_speed), float(water.current_direction)
+    _evaluate_features(position, rotation, velocity, spin, flow, features)
+    return features[..., _columns(tuple(names))]
 
 
 def mirror_signs(names: Sequence[str]) -> Array:
@@ -92,32 +113,47 @@ def mirror_signs(names: Sequence[str]) -> Array:
     return np.array([float(INPUTS[name].mirror) for name in names])
 
 
-def _additional_features(
-    states: BodyStates, water: Water, motion: HorizontalMotion, flow: dict[str, Array]
-) -> dict[str, Array]:  # fmt: skip
-    """Return all features that are not among the flow states of Eq. (7); `flow` holds those."""
-    rotation = states.rotation
-    heading, cos, sin, forward, lateral = motion
-    current_x, current_y, _ = water.velocity
-    angular_velocity = np.einsum("nbij,nbi->nbj", rotation, states.angular_velocity)  # body axes
-    steering = np.arctan2(np.sin(heading[:, 1:3] - heading[:, :1]), np.cos(heading[:, 1:3] - heading[:, :1]))
+@cache
+def _columns(names: tuple[str, ...]) -> NDArray[np.intp]:
+    """Return the places of features in `INPUTS`."""
+    known = list(INPUTS)
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise ValueError(f"network input {unknown[0]!r} is not known; use {', '.join(known)}.")
+    return np.array([known.index(name) for name in names], np.intp)
 
-    def for_all_bodies(value: Array) -> Array:
-        return np.broadcast_to(value[:, None], heading.shape)
 
-    return {
-        "forward_flow": forward - cos * current_x - sin * current_y,
-        "lateral_flow": lateral - cos * current_y + sin * current_x,
-        "forward_speed": forward,
-        "lateral_speed": lateral,
-        "yaw_rate": states.angular_velocity[..., 2],
-        "roll_rate": angular_velocity[..., 0],
-        "pitch_rate": angular_velocity[..., 1],
-        "heave_rate": states.velocity[..., 2],
-        "immersion": water.depth - states.position[..., 2],
-        "roll": rotation[..., 2, 1],
-        "pitch": -rotation[..., 2, 0],
-        "steering": for_all_bodies(steering.mean(axis=1)),
-        "hull_yaw_rate": for_all_bodies(states.angular_velocity[:, 0, 2]),
-        "hull_attack": for_all_bodies(flow["angle_of_attack"][:, 0]),
-    }
+@njit(cache=True, error_model="numpy")
+def _evaluate_features(
+    position: Array, rotation: Array, velocity: Array, angular_velocity: Array, water: tuple[float, float, float],
+    features: Array,
+) -> None:  # fmt: skip
+    """Write all features of `INPUTS`, in their order; `water` is its depth, current speed and current direction."""
+    depth, current, direction = water
+    current_x, current_y = current * math.cos(direction), current * math.sin(direction)
+    for n in range(len(features)):
+        for body in range(features.shape[1]):
+            turn, v, w = rotation[n, body], velocity[n, body], angular_velocity[n, body]
+            motion = horizontal_motion(turn, v)
+            speed = math.hypot(v[0], v[1])
+            out = features[n, body]
+            out[0] = sideslip_angle(motion, speed)
+            out[1] = angle_of_attack(motion.heading, direction)
+            out[2], out[3], out[4] = speed, current, depth
+            out[5] = motion.forward - motion.cos * current_x - motion.sin * current_y
+            out[6] = motion.lateral - motion.cos * current_y + motion.sin * current_x
+            out[7], out[8] = motion.forward, motion.lateral
+            out[9] = w[2]
+            out[10] = turn[0, 0] * w[0] + turn[1, 0] * w[1] + turn[2, 0] * w[2]
+            out[11] = turn[0, 1] * w[0] + turn[1, 1] * w[1] + turn[2, 1] * w[2]
+            out[12] = v[2]
+            out[13] = depth - position[n, body, 2]
+            out[14], out[15] = turn[2, 1], -turn[2, 0]
+        hull = horizontal_motion(rotation[n, 0], velocity[n, 0]).heading
+        steering = 0.0
+        for wheel in (1, 2):
+            turned = horizontal_motion(rotation[n, wheel], velocity[n, wheel]).heading - hull
+            steering += 0.5 * math.atan2(math.sin(turned), math.cos(turned))
+        features[n, :, 16] = steering
+        features[n, :, 17] = angular_velocity[n, 0, 2]
+        features[n, :, 18] = features[n, 0, 1]

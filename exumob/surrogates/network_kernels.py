@@ -7,6 +7,7 @@ networks as torch modules, for training: `exumob.learning.torch_networks`.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from functools import cache
 from typing import Any, NamedTuple
@@ -15,20 +16,108 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from exumob.support.arrays import Array
+
 Single = NDArray[np.float32]
 
 
+class InputScaling(NamedTuple):
+    """Scalers of the inputs and the limits at which they are held, each of shape (networks, k)."""
+
+    mean: Single
+    scale: Single
+    lowest: Single
+    highest: Single
+
+
+class TrainingRange(NamedTuple):
+    """Range of the inputs in training."""
+
+    low: Single
+    high: Single
+    width: Single
+    """Shape (networks, k)"""
+    joint_inverse: Single
+    """Inverse covariance of the scaled inputs, shape (networks, k, k)"""
+    joint_limit: Single
+    """Largest Mahalanobis distance, shape (networks,)"""
+
+
 class OutputLayers(NamedTuple):
-    """The dense layer that follows the first layer, and the linear one, of all bodies; matrices transposed."""
+    """The dense layer that follows the first layer, and the linear one, of all networks; matrices transposed."""
 
     dense_weight: Single
-    """Shape (bodies, hidden units, dense units)"""
+    """Shape (networks, hidden units, dense units)"""
     dense_bias: Single
-    """Shape (bodies, dense units)"""
+    """Shape (networks, dense units)"""
     out_weight: Single
-    """Shape (bodies, dense units, 6)"""
+    """Shape (networks, dense units, 6)"""
     out_bias: Single
-    """Shape (bodies, 6)"""
+    """Shape (networks, 6)"""
+
+
+@njit(cache=True, error_model="numpy")
+def scale_inputs(inputs: Array, scaling: InputScaling, scaled: Single) -> None:
+    """Hold the inputs at their limits, take off their mean and divide by their scale.
+
+    Parameters
+    ----------
+    inputs : array, shape (bodies, taps, k)
+    scaling : InputScaling
+        Of the bodies of one set of networks after the other.
+    scaled : array, shape (networks, taps, k), changed
+    """
+    for net in range(len(scaled)):
+        mean, scale, lowest, highest = scaling.mean[net], scaling.scale[net], scaling.lowest[net], scaling.highest[net]
+        for tap in range(scaled.shape[1]):
+            x = inputs[net % len(inputs), tap]
+            for i in range(x.size):
+                held = np.minimum(np.maximum(x[i], lowest[i]), highest[i])
+                scaled[net, tap, i] = (held - mean[i]) / scale[i]
+
+
+@njit(cache=True, error_model="numpy")
+def measure_excess(inputs: Array, trained: TrainingRange, scaling: InputScaling, excess: Array) -> None:
+    """Measure how far inputs lie outside the training range (`exumob.surrogates.networks.NetworkSet.excess`).
+
+    Parameters
+    ----------
+    inputs : array, shape (bodies, k)
+    trained : TrainingRange
+    scaling : InputScaling
+    excess : array, shape (networks, 2), changed
+        Of the worst single input, and of all jointly. Where an input is not a number, neither is.
+    """
+    z = np.empty(inputs.shape[1])
+    for net in range(len(excess)):
+        x = inputs[net % len(inputs)]
+        low, high, width, inverse = trained.low[net], trained.high[net], trained.width[net], trained.joint_inverse[net]
+        single = -np.inf
+        for i in range(x.size):
+            single = np.maximum(single, np.maximum(low[i] - x[i], x[i] - high[i]) / width[i])
+            z[i] = (x[i] - scaling.mean[net, i]) / scaling.scale[net, i]
+        square = 0.0
+        for i in range(x.size):
+            row = 0.0
+            for j in range(x.size):
+                row += inverse[i, j] * z[j]
+            square += z[i] * row
+        excess[net, 0] = single
+        excess[net, 1] = math.sqrt(np.maximum(square, 0.0)) / trained.joint_limit[net] - 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def mean_and_spread(values: Array) -> tuple[Array, Array]:
+    """Return mean and standard deviation over the first axis, shape (n, a, b) -> (a, b); 0 if n is 1."""
+    n = len(values)
+    mean = np.zeros(values.shape[1:])
+    for member in range(n):
+        mean += values[member]
+    mean /= n
+    spread = np.zeros_like(mean)
+    for member in range(n):
+        spread += (values[member] - mean) ** 2
+    return mean, np.sqrt(spread / max(n - 1, 1))
 
 
 @njit(inline="always")

@@ -14,9 +14,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
@@ -25,13 +26,17 @@ from exumob.support.files import atomic_write
 from exumob.support.quantities import Quantity, shown
 from exumob.surrogates.inputs import INPUTS, PAPER_INPUTS
 from exumob.surrogates.network_kernels import (
+    InputScaling,
     OutputLayers,
     Single,
+    TrainingRange,
     evaluate_batch,
     evaluate_dense,
     evaluate_lstm,
     exponents,
+    measure_excess,
     monomials,
+    scale_inputs,
 )
 from exumob.vehicle.motion import BODIES, HISTORY_STEP, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
@@ -99,15 +104,6 @@ class Architecture(Declared):
         if self.layer == "lstm":
             first = {"W": (4 * h, k), "U": (4 * h, h), "b": (4 * h,)}
         return first | {"dense_weight": (d, h), "dense_bias": (d,), "out_weight": (n, d), "out_bias": (n,)}
-
-
-class InputScaling(NamedTuple):
-    """Scalers of the inputs and the limits at which they are held, each of shape (5, 1, k)."""
-
-    mean: Single
-    scale: Single
-    lowest: Single
-    highest: Single
 
 
 @dataclass(frozen=True)
@@ -200,20 +196,20 @@ class NetworkSet:
 
         Inputs outside their training range are first held a little outside it (`EDGE`): networks do not extrapolate.
         """
-        scaling = self._scaling
-        return np.asarray((np.clip(inputs, scaling.lowest, scaling.highest) - scaling.mean) / scaling.scale, np.float32)
+        mean, scale, lowest, highest = (values[:, None, :] for values in self._scaling)
+        return np.asarray((np.clip(inputs, lowest, highest) - mean) / scale, np.float32)
 
     @cached_property
     def _scaling(self) -> InputScaling:
         """Scalers of the inputs and the limits at which they are held."""
         mean, scale, low, high = (
-            self.arrays[name][:, None, :] for name in ("input_mean", "input_scale", "input_low", "input_high")
+            self.arrays[name] for name in ("input_mean", "input_scale", "input_low", "input_high")
         )
         edge = EDGE * (high - low)
         return InputScaling(mean, scale, low - edge, high + edge)
 
     def wrenches(self, inputs: Array) -> Array:
-        """Return the wrenches of the five networks for one instant.
+        """Return the wrenches of the networks for one instant.
 
         Parameters
         ----------
@@ -222,11 +218,13 @@ class NetworkSet:
 
         Returns
         -------
-        array, shape (5, 6)
+        array, shape (5, 6); (5 sets, 6) if several are `stacked`
             Force [N] and moment [N m], body axes; without those of the base model.
         """
-        scaled = self.scaled(inputs)
         arrays, architecture = self.arrays, self.architecture
+        scaling = self._scaling
+        scaled = np.empty((len(scaling.mean), *inputs.shape[1:]), np.float32)
+        scale_inputs(inputs, scaling, scaled)
         out = np.empty((len(scaled), len(WRENCH_COMPONENTS)), np.float32)
         if architecture.layer == "polynomial":
             terms = monomials(scaled[:, 0], architecture.degree)
@@ -269,22 +267,26 @@ class NetworkSet:
 
         Parameters
         ----------
-        inputs : array, shape (..., 5, k)
+        inputs : array, shape (5, k)
             Inputs of one instant.
 
         Returns
         -------
-        array, shape (..., 5, 2)
+        array, shape (5, 2); (5 sets, 2) if several are `stacked`
             The worst single input: its distance from its range, over the range's width. All inputs jointly: their
             Mahalanobis distance over the largest in training, less 1. Both are at most 0 inside the range.
         """
-        low, high = self.arrays["input_low"], self.arrays["input_high"]
-        width = np.maximum(high - low, 1e-3 * self.arrays["input_scale"])
-        single = (np.maximum(low - inputs, inputs - high) / width).max(axis=-1)
-        scaled = (inputs - self.arrays["input_mean"]) / self.arrays["input_scale"]
-        square = np.einsum("...bi,bij,...bj->...b", scaled, self.arrays["joint_inverse"], scaled)
-        joint = np.sqrt(np.maximum(square, 0.0)) / self.arrays["joint_limit"] - 1.0
-        return np.stack([single, joint], axis=-1)
+        excess = np.empty((len(self._range.low), 2))
+        measure_excess(inputs, self._range, self._scaling, excess)
+        return excess
+
+    @cached_property
+    def _range(self) -> TrainingRange:
+        """Range of the inputs in training, as the kernel reads it."""
+        low, high, inverse, limit = (
+            self.arrays[name] for name in ("input_low", "input_high", "joint_inverse", "joint_limit")
+        )
+        return TrainingRange(low, high, np.maximum(high - low, 1e-3 * self.arrays["input_scale"]), inverse, limit)
 
 
 def geometry(vehicle: Vehicle) -> dict[str, Any]:
@@ -300,6 +302,7 @@ def geometry(vehicle: Vehicle) -> dict[str, Any]:
     return found
 
 
+@njit(cache=True, error_model="numpy")
 def window_rows(time: Array, taps: int, stride: int) -> NDArray[np.intp]:
     """Return the rows of a history that form the input window, oldest first.
 
@@ -316,7 +319,7 @@ def window_rows(time: Array, taps: int, stride: int) -> NDArray[np.intp]:
     """
     wanted = time[-1] - SAMPLING * stride * np.arange(taps - 1, -1, -1)
     rows = np.searchsorted(time, wanted - 1e-7)  # the first row at or after: exact on the grid of the history
-    return np.asarray(np.clip(rows, 0, len(time) - 1))
+    return np.minimum(rows, len(time) - 1)
 
 
 def write_arrays(path: Path, header: dict[str, Any], arrays: dict[str, Single]) -> None:
