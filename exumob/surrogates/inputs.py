@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
-from exumob.vehicle.motion import BodyStates
+from exumob.vehicle.motion import BODIES, HISTORY_STEP, BodyStates
 from exumob.water.conditions import Water
 from exumob.water.flow_states import (
     FLOW_STATE_UNITS,
@@ -57,6 +57,8 @@ INPUTS = {
     "hull_attack": Input("rad", -1, "angle of attack of the hull"),
 }
 """All input features, by name."""
+SAMPLING = HISTORY_STEP
+"""Interval of the instants from which an input window is taken [s]."""
 PAPER_INPUTS = FLOW_STATES
 """Input features of the paper, Eq. (7)."""
 MIRRORED_BODIES = (0, 2, 1, 4, 3)
@@ -66,12 +68,7 @@ MIRRORED_LOADS = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 
 
 def network_inputs(
-    states: BodyStates,
-    water: Water,
-    names: Sequence[str],
-    rows: NDArray[np.intp] | slice = slice(None),
-    *,
-    still: bool = False,
+    states: BodyStates, water: Water, names: Sequence[str], rows: NDArray[np.intp] | None = None, *, still: bool = False
 ) -> Array:
     """Return the input features of the five networks.
 
@@ -81,7 +78,7 @@ def network_inputs(
     water : Water
     names : sequence of str
         Names from `INPUTS`.
-    rows : array of int or slice, optional
+    rows : array of int, optional
         The n instants of `states` that are wanted; default: all.
     still : bool
         True: all velocities are taken as 0.
@@ -96,16 +93,34 @@ def network_inputs(
     ValueError
         If a name is not known.
     """
-    position, rotation, velocity, spin = (
-        np.array(values[rows], float, order="C")  # a copy in C order: one memory layout, so that the kernel is compiled once
-        for values in (states.position, states.rotation, states.velocity, states.angular_velocity)
-    )
-    if still:
-        velocity[:], spin[:] = 0.0, 0.0
-    features = np.empty((*position.shape[:2], len(INPUTS)))
-    flow = float(water.depth), float(water.current_speed), float(water.current_direction)
-    _evaluate_features(position, rotation, velocity, spin, flow, features)
-    return features[..., _columns(tuple(names))]
+    columns = _columns(tuple(names))
+    rows = np.arange(len(states)) if rows is None else rows
+    features = np.empty((len(rows), len(BODIES), len(INPUTS)))
+    _evaluate_features(
+        states.position, states.rotation, states.velocity, states.angular_velocity, rows, still,
+        (float(water.depth), float(water.current_speed), float(water.current_direction)), features,
+    )  # fmt: skip
+    return features[..., columns]
+
+
+@njit(cache=True, error_model="numpy")
+def window_rows(time: Array, taps: int, stride: int) -> NDArray[np.intp]:
+    """Return the rows of a history that form the input window, oldest first.
+
+    The rows are found by their time, whatever the steps; for instants before the first row the first one is taken.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+        Times of the rows [s].
+    taps : int
+        Instants in the window.
+    stride : int
+        Interval between them [ms].
+    """
+    wanted = time[-1] - SAMPLING * stride * np.arange(taps - 1, -1, -1)
+    rows = np.searchsorted(time, wanted - 1e-7)  # the first row at or after: exact on the grid of the history
+    return np.minimum(rows, len(time) - 1)
 
 
 def mirror_signs(names: Sequence[str]) -> Array:
@@ -125,15 +140,17 @@ def _columns(names: tuple[str, ...]) -> NDArray[np.intp]:
 
 @njit(cache=True, error_model="numpy")
 def _evaluate_features(
-    position: Array, rotation: Array, velocity: Array, angular_velocity: Array, water: tuple[float, float, float],
-    features: Array,
+    position: Array, rotation: Array, velocity: Array, angular_velocity: Array, rows: NDArray[np.intp], still: bool,
+    water: tuple[float, float, float], features: Array,
 ) -> None:  # fmt: skip
     """Write all features of `INPUTS`, in their order; `water` is its depth, current speed and current direction."""
     depth, current, direction = water
     current_x, current_y = current * math.cos(direction), current * math.sin(direction)
-    for n in range(len(features)):
+    moving = 0.0 if still else 1.0
+    for n, row in enumerate(rows):
         for body in range(features.shape[1]):
-            turn, v, w = rotation[n, body], velocity[n, body], angular_velocity[n, body]
+            turn = rotation[row, body]
+            v, w = moving * velocity[row, body], moving * angular_velocity[row, body]
             motion = horizontal_motion(turn, v)
             speed = math.hypot(v[0], v[1])
             out = features[n, body]
@@ -147,13 +164,10 @@ def _evaluate_features(
             out[10] = turn[0, 0] * w[0] + turn[1, 0] * w[1] + turn[2, 0] * w[2]
             out[11] = turn[0, 1] * w[0] + turn[1, 1] * w[1] + turn[2, 1] * w[2]
             out[12] = v[2]
-            out[13] = depth - position[n, body, 2]
+            out[13] = depth - position[row, body, 2]
             out[14], out[15] = turn[2, 1], -turn[2, 0]
-        hull = horizontal_motion(rotation[n, 0], velocity[n, 0]).heading
-        steering = 0.0
-        for wheel in (1, 2):
-            turned = horizontal_motion(rotation[n, wheel], velocity[n, wheel]).heading - hull
-            steering += 0.5 * math.atan2(math.sin(turned), math.cos(turned))
-        features[n, :, 16] = steering
-        features[n, :, 17] = angular_velocity[n, 0, 2]
+        headings = np.arctan2(rotation[row, :3, 1, 0], rotation[row, :3, 0, 0])
+        turned = headings[1:] - headings[0]
+        features[n, :, 16] = np.arctan2(np.sin(turned), np.cos(turned)).mean()
+        features[n, :, 17] = features[n, 0, 9]
         features[n, :, 18] = features[n, 0, 1]

@@ -20,9 +20,9 @@ from numba import njit
 
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
-from exumob.surrogates.inputs import network_inputs
+from exumob.surrogates.inputs import SAMPLING, network_inputs, window_rows
 from exumob.surrogates.network_kernels import mean_and_spread
-from exumob.surrogates.networks import SAMPLING, TRAINED_DENSITY, Architecture, NetworkSet, window_rows
+from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, NetworkSet
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
@@ -40,8 +40,6 @@ makes the wrench alternate from step to step: by 1 N of 110 N in D60/U1."""
 MOVING_SPEED = 0.05
 """Speed of the hull below which a state is compared with the training range as one at rest [m/s]: the sideslip angle of
 a vehicle that hardly moves is arbitrary."""
-NOW = slice(-1, None)
-"""The last row of a history"""
 
 
 class SurrogateHydrodynamics:
@@ -149,15 +147,15 @@ class SurrogateHydrodynamics:
         for networks, count in self._groups:
             group, architecture = slice(first, first + count), networks.architecture
             rows = window_rows(history.time, architecture.taps, architecture.stride)
-            window = np.moveaxis(network_inputs(history, water, architecture.inputs, rows, still=still), 0, 1)
-            members[group] = networks.wrenches(window).reshape(count, 5, 6)
-            members[group] *= water.density / TRAINED_DENSITY
+            window = network_inputs(history, water, architecture.inputs, rows, still=still).transpose(1, 0, 2)
+            loads = networks.wrenches(window).reshape(count, 5, 6) * (water.density / TRAINED_DENSITY)
             if architecture.base == "coefficients":
                 assert base is not None
-                members[group] += base
+                loads += base
+            members[group] = loads
             present = window[:, -1]
             if at_rest and not still:
-                present = network_inputs(history, water, architecture.inputs, NOW, still=True)[0]
+                present = network_inputs(history, water, architecture.inputs, rows[-1:], still=True)[0]
             excess[group] = networks.excess(present).reshape(count, 5, 2)
             first += count
         return members, mean_and_spread(excess)[0]

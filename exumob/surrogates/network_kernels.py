@@ -53,27 +53,19 @@ class OutputLayers(NamedTuple):
     out_weight: Single
     """Shape (networks, dense units, 6)"""
     out_bias: Single
-    """Shape (networks, 6)"""
+    mean: Single
+    scale: Single
+    """Bias, and scalers of the wrenches, shape (networks, 6)"""
 
 
 @njit(cache=True, error_model="numpy")
-def scale_inputs(inputs: Array, scaling: InputScaling, scaled: Single) -> None:
-    """Hold the inputs at their limits, take off their mean and divide by their scale.
-
-    Parameters
-    ----------
-    inputs : array, shape (bodies, taps, k)
-    scaling : InputScaling
-        Of the bodies of one set of networks after the other.
-    scaled : array, shape (networks, taps, k), changed
-    """
-    for net in range(len(scaled)):
-        mean, scale, lowest, highest = scaling.mean[net], scaling.scale[net], scaling.lowest[net], scaling.highest[net]
-        for tap in range(scaled.shape[1]):
-            x = inputs[net % len(inputs), tap]
-            for i in range(x.size):
-                held = np.minimum(np.maximum(x[i], lowest[i]), highest[i])
-                scaled[net, tap, i] = (held - mean[i]) / scale[i]
+def _scale(inputs: Array, scaling: InputScaling, net: int, scaled: Single) -> None:
+    """Hold the inputs of a network at their limits, take off their mean and divide by their scale; nan stays nan."""
+    mean, scale, lowest, highest = scaling.mean[net], scaling.scale[net], scaling.lowest[net], scaling.highest[net]
+    for tap in range(len(scaled)):
+        for i in range(scaled.shape[1]):
+            held = np.minimum(np.maximum(inputs[tap, i], lowest[i]), highest[i])
+            scaled[tap, i] = (held - mean[i]) / scale[i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -156,70 +148,87 @@ def _add_product(transposed: Single, x: Single, out: Single) -> None:
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def evaluate_lstm(x: Single, w: Single, u: Single, b: Single, layers: OutputLayers, out: Single) -> None:
-    """Evaluate paper Eqs. (8) and (9), then the output layers, body by body; gates in the order i, f, c, o.
+def evaluate_lstm(
+    inputs: Array, scaling: InputScaling, w: Single, u: Single, b: Single, layers: OutputLayers, wrenches: Array
+) -> None:  # fmt: skip
+    """Evaluate paper Eqs. (8) and (9), then the output layers, network by network; gates in the order i, f, c, o.
 
     Parameters
     ----------
-    x : array, shape (bodies, taps, k)
-        Scaled inputs, oldest instant first.
-    w, u, b : arrays, shape (bodies, k, 4 n), (bodies, n, 4 n) and (bodies, 4 n)
+    inputs : array, shape (bodies, taps, k)
+        Oldest instant first, for the networks of one set after the other.
+    scaling : InputScaling
+    w, u, b : arrays, shape (networks, k, 4 n), (networks, n, 4 n) and (networks, 4 n)
         Input weights and recurrent weights, transposed (inputs first), and biases of n units.
     layers : OutputLayers
-    out : array, shape (bodies, 6), changed
-        Scaled wrenches.
+    wrenches : array, shape (networks, 6), changed
+        [N, N m]
     """
     n = u.shape[1]
+    x = np.empty(inputs.shape[1:], np.float32)
     hidden, cell, gates = np.empty(n, np.float32), np.empty(n, np.float32), np.empty(4 * n, np.float32)
     half = np.float32(0.5)
-    for body in range(x.shape[0]):
+    for net in range(len(wrenches)):
+        _scale(inputs[net % len(inputs)], scaling, net, x)
         cell[:] = 0.0
-        for tap in range(x.shape[1]):
-            gates[:] = b[body]
-            _add_product(w[body], x[body, tap], gates)
+        for tap in range(len(x)):
+            gates[:] = b[net]
+            _add_product(w[net], x[tap], gates)
             if tap > 0:  # h = 0 before
-                _add_product(u[body], hidden, gates)
+                _add_product(u[net], hidden, gates)
             for j in range(n):
                 keep = half + half * _tanh(half * gates[n + j])
                 take = half + half * _tanh(half * gates[j])
                 cell[j] = keep * cell[j] + take * _tanh(gates[2 * n + j])
             for j in range(n):
                 hidden[j] = _tanh(cell[j]) * (half + half * _tanh(half * gates[3 * n + j]))
-        _evaluate_output(hidden, layers, body, out[body])
+        _unscale(_evaluate_output(hidden, layers, net), layers, net, wrenches[net])
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def evaluate_dense(x: Single, w: Single, b: Single, layers: OutputLayers, out: Single) -> None:
+def evaluate_dense(
+    inputs: Array, scaling: InputScaling, w: Single, b: Single, layers: OutputLayers, wrenches: Array
+) -> None:  # fmt: skip
     """Evaluate the network of the ablation: a dense layer in the place of the LSTM, then the output layers.
 
     Parameters
     ----------
-    x : array, shape (bodies, taps k)
-        Scaled inputs of the whole window.
-    w, b : arrays, shape (bodies, taps k, n) and (bodies, n)
+    inputs : array, shape (bodies, taps, k)
+        Oldest instant first, for the networks of one set after the other.
+    scaling : InputScaling
+    w, b : arrays, shape (networks, taps k, n) and (networks, n)
         Weights, transposed, and biases of n units.
     layers : OutputLayers
-    out : array, shape (bodies, 6), changed
-        Scaled wrenches.
+    wrenches : array, shape (networks, 6), changed
+        [N, N m]
     """
+    x = np.empty(inputs.shape[1:], np.float32)
     hidden = np.empty(w.shape[2], np.float32)
-    for body in range(x.shape[0]):
-        hidden[:] = b[body]
-        _add_product(w[body], x[body], hidden)
+    for net in range(len(wrenches)):
+        _scale(inputs[net % len(inputs)], scaling, net, x)
+        hidden[:] = b[net]
+        _add_product(w[net], x.reshape(x.size), hidden)
         for j in range(hidden.size):
             hidden[j] = _tanh(hidden[j])
-        _evaluate_output(hidden, layers, body, out[body])
+        _unscale(_evaluate_output(hidden, layers, net), layers, net, wrenches[net])
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def _evaluate_output(hidden: Single, layers: OutputLayers, body: int, out: Single) -> None:
-    """Evaluate the dense layer and the linear one of a body."""
-    dense = layers.dense_bias[body].copy()
-    _add_product(layers.dense_weight[body], hidden, dense)
+def _evaluate_output(hidden: Single, layers: OutputLayers, net: int) -> Single:
+    """Return the answer of a network's dense layer and of its linear one."""
+    dense, out = layers.dense_bias[net].copy(), layers.out_bias[net].copy()
+    _add_product(layers.dense_weight[net], hidden, dense)
     for j in range(dense.size):
         dense[j] = _tanh(dense[j])
-    out[:] = layers.out_bias[body]
-    _add_product(layers.out_weight[body], dense, out)
+    _add_product(layers.out_weight[net], dense, out)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _unscale(out: Single, layers: OutputLayers, net: int, wrench: Array) -> None:
+    """Bring a network's answer to its units."""
+    for i in range(wrench.size):
+        wrench[i] = out[i] * layers.scale[net, i] + layers.mean[net, i]
 
 
 def evaluate_batch(scaled: Single, weights: Mapping[str, Single], recurrent: bool) -> Single:

@@ -17,14 +17,13 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared
 from exumob.support.files import atomic_write
 from exumob.support.quantities import Quantity, shown
-from exumob.surrogates.inputs import INPUTS, PAPER_INPUTS
+from exumob.surrogates.inputs import INPUTS, PAPER_INPUTS, SAMPLING
 from exumob.surrogates.network_kernels import (
     InputScaling,
     OutputLayers,
@@ -36,15 +35,12 @@ from exumob.surrogates.network_kernels import (
     exponents,
     measure_excess,
     monomials,
-    scale_inputs,
 )
-from exumob.vehicle.motion import BODIES, HISTORY_STEP, WRENCH_COMPONENTS
+from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.mesh_file import mesh_digest
 
 FORMAT, VERSION = "exumob networks", 1
-SAMPLING = HISTORY_STEP
-"""Interval of the instants from which an input window is taken [s]."""
 TRAINED_DENSITY = 1000.0
 """Density of the water to which the wrenches in training are brought [kg/m^3]; they are proportional to it."""
 EDGE = 0.05
@@ -221,21 +217,15 @@ class NetworkSet:
         array, shape (5, 6); (5 sets, 6) if several are `stacked`
             Force [N] and moment [N m], body axes; without those of the base model.
         """
-        arrays, architecture = self.arrays, self.architecture
-        scaling = self._scaling
-        scaled = np.empty((len(scaling.mean), *inputs.shape[1:]), np.float32)
-        scale_inputs(inputs, scaling, scaled)
-        out = np.empty((len(scaled), len(WRENCH_COMPONENTS)), np.float32)
-        if architecture.layer == "polynomial":
-            terms = monomials(scaled[:, 0], architecture.degree)
-            out = np.einsum("bt,btn->bn", terms, arrays["coefficients"])
-        elif architecture.layer == "lstm":
-            weights = self._transposed
-            evaluate_lstm(scaled, weights["W"], weights["U"], arrays["b"], self._output_layers, out)
+        if self.architecture.layer == "polynomial":
+            return self.batch_wrenches(np.tile(inputs, (len(self._scaling.mean) // len(inputs), 1, 1))[None])[0]
+        weights, bias, layers = self._transposed, self.arrays["b"], self._output_layers
+        wrenches = np.empty((len(bias), len(WRENCH_COMPONENTS)))
+        if self.architecture.layer == "lstm":
+            evaluate_lstm(inputs, self._scaling, weights["W"], weights["U"], bias, layers, wrenches)
         else:
-            weights = self._transposed
-            evaluate_dense(scaled.reshape(len(scaled), -1), weights["W"], arrays["b"], self._output_layers, out)
-        return np.asarray(out * arrays["output_scale"] + arrays["output_mean"], float)
+            evaluate_dense(inputs, self._scaling, weights["W"], bias, layers, wrenches)
+        return wrenches
 
     @cached_property
     def _transposed(self) -> dict[str, Single]:
@@ -247,7 +237,10 @@ class NetworkSet:
     def _output_layers(self) -> OutputLayers:
         """The dense layer and the linear one, as the kernels read them."""
         weights, arrays = self._transposed, self.arrays
-        return OutputLayers(weights["dense_weight"], arrays["dense_bias"], weights["out_weight"], arrays["out_bias"])
+        return OutputLayers(
+            weights["dense_weight"], arrays["dense_bias"], weights["out_weight"], arrays["out_bias"],
+            arrays["output_mean"], arrays["output_scale"],
+        )  # fmt: skip
 
     def batch_wrenches(self, inputs: Array, batch: int = 2048) -> Array:
         """Return `wrenches` for n instants at once, by matrix products; shape (n, 5, taps, k) -> (n, 5, 6)."""
@@ -300,26 +293,6 @@ def geometry(vehicle: Vehicle) -> dict[str, Any]:
     if vehicle.hull.mesh is not None:
         found["hull.mesh"] = f"contents {mesh_digest(vehicle.hull)[:16]}"  # a path does not say which shape
     return found
-
-
-@njit(cache=True, error_model="numpy")
-def window_rows(time: Array, taps: int, stride: int) -> NDArray[np.intp]:
-    """Return the rows of a history that form the input window, oldest first.
-
-    The rows are found by their time, whatever the steps; for instants before the first row the first one is taken.
-
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Times of the rows [s].
-    taps : int
-        Instants in the window.
-    stride : int
-        Interval between them [ms].
-    """
-    wanted = time[-1] - SAMPLING * stride * np.arange(taps - 1, -1, -1)
-    rows = np.searchsorted(time, wanted - 1e-7)  # the first row at or after: exact on the grid of the history
-    return np.minimum(rows, len(time) - 1)
 
 
 def write_arrays(path: Path, header: dict[str, Any], arrays: dict[str, Single]) -> None:

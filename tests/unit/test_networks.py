@@ -14,9 +14,9 @@ from exumob.learning.dataset import body_states, usable, water_of
 from exumob.paper.scenarios import UNSEEN
 from exumob.simulation.result_files import save_dataset
 from exumob.simulation.run import simulate
-from exumob.surrogates.inputs import INPUTS, MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
+from exumob.surrogates.inputs import INPUTS, MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs, window_rows
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
-from exumob.surrogates.networks import Architecture, NetworkSet, read_arrays, window_rows, write_arrays
+from exumob.surrogates.networks import Architecture, NetworkSet, read_arrays, write_arrays
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 
