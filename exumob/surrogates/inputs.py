@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
-from exumob.vehicle.motion import BODIES, HISTORY_STEP, BodyStates
+from exumob.vehicle.motion import HISTORY_STEP, BodyStates
 from exumob.water.conditions import Water
 from exumob.water.flow_states import (
     FLOW_STATE_UNITS,
@@ -57,6 +57,7 @@ INPUTS = {
     "hull_attack": Input("rad", -1, "angle of attack of the hull"),
 }
 """All input features, by name."""
+FEATURES = len(INPUTS)
 SAMPLING = HISTORY_STEP
 """Interval of the instants from which an input window is taken [s]."""
 PAPER_INPUTS = FLOW_STATES
@@ -95,12 +96,10 @@ def network_inputs(
     """
     columns = _columns(tuple(names))
     rows = np.arange(len(states)) if rows is None else rows
-    features = np.empty((len(rows), len(BODIES), len(INPUTS)))
-    _evaluate_features(
+    return _features(
         states.position, states.rotation, states.velocity, states.angular_velocity, rows, still,
-        (float(water.depth), float(water.current_speed), float(water.current_direction)), features,
+        (float(water.depth), float(water.current_speed), float(water.current_direction)), columns,
     )  # fmt: skip
-    return features[..., columns]
 
 
 @njit(cache=True, error_model="numpy")
@@ -118,9 +117,14 @@ def window_rows(time: Array, taps: int, stride: int) -> NDArray[np.intp]:
     stride : int
         Interval between them [ms].
     """
-    wanted = time[-1] - SAMPLING * stride * np.arange(taps - 1, -1, -1)
-    rows = np.searchsorted(time, wanted - 1e-7)  # the first row at or after: exact on the grid of the history
-    return np.minimum(rows, len(time) - 1)
+    rows = np.empty(taps, np.intp)
+    row = len(time) - 1
+    for tap in range(taps - 1, -1, -1):  # from the end: a long history is not touched
+        wanted = time[-1] - SAMPLING * stride * (taps - 1 - tap)
+        while row > 0 and time[row - 1] >= wanted - 1e-7:  # the first row at or after: exact on the history's grid
+            row -= 1
+        rows[tap] = row
+    return rows
 
 
 def mirror_signs(names: Sequence[str]) -> Array:
@@ -139,35 +143,35 @@ def _columns(names: tuple[str, ...]) -> NDArray[np.intp]:
 
 
 @njit(cache=True, error_model="numpy")
-def _evaluate_features(
+def _features(
     position: Array, rotation: Array, velocity: Array, angular_velocity: Array, rows: NDArray[np.intp], still: bool,
-    water: tuple[float, float, float], features: Array,
-) -> None:  # fmt: skip
-    """Write all features of `INPUTS`, in their order; `water` is its depth, current speed and current direction."""
+    water: tuple[float, float, float], columns: NDArray[np.intp],
+) -> Array:  # fmt: skip
+    """Return features by their places in `INPUTS`; `water` is its depth, current speed and current direction."""
     depth, current, direction = water
     current_x, current_y = current * math.cos(direction), current * math.sin(direction)
-    moving = 0.0 if still else 1.0
+    bodies, share = rotation.shape[1], 0.0 if still else 1.0
+    chosen, every = np.empty((len(rows), bodies, len(columns))), np.empty(FEATURES)
     for n, row in enumerate(rows):
-        for body in range(features.shape[1]):
-            turn = rotation[row, body]
-            v, w = moving * velocity[row, body], moving * angular_velocity[row, body]
-            motion = horizontal_motion(turn, v)
-            speed = math.hypot(v[0], v[1])
-            out = features[n, body]
-            out[0] = sideslip_angle(motion, speed)
-            out[1] = angle_of_attack(motion.heading, direction)
-            out[2], out[3], out[4] = speed, current, depth
-            out[5] = motion.forward - motion.cos * current_x - motion.sin * current_y
-            out[6] = motion.lateral - motion.cos * current_y + motion.sin * current_x
-            out[7], out[8] = motion.forward, motion.lateral
-            out[9] = w[2]
-            out[10] = turn[0, 0] * w[0] + turn[1, 0] * w[1] + turn[2, 0] * w[2]
-            out[11] = turn[0, 1] * w[0] + turn[1, 1] * w[1] + turn[2, 1] * w[2]
-            out[12] = v[2]
-            out[13] = depth - position[row, body, 2]
-            out[14], out[15] = turn[2, 1], -turn[2, 0]
-        headings = np.arctan2(rotation[row, :3, 1, 0], rotation[row, :3, 0, 0])
-        turned = headings[1:] - headings[0]
-        features[n, :, 16] = np.arctan2(np.sin(turned), np.cos(turned)).mean()
-        features[n, :, 17] = features[n, 0, 9]
-        features[n, :, 18] = features[n, 0, 1]
+        headings = np.arctan2(rotation[row, :, 1, 0], rotation[row, :, 0, 0])
+        turned = headings[1:3] - headings[0]
+        every[16] = np.arctan2(np.sin(turned), np.cos(turned)).mean()
+        every[17] = share * angular_velocity[row, 0, 2]
+        every[18] = angle_of_attack(headings[0], direction)
+        for body in range(bodies):
+            turn, v, w = rotation[row, body], share * velocity[row, body], share * angular_velocity[row, body]
+            motion, speed = horizontal_motion(turn, v), math.hypot(v[0], v[1])
+            every[0], every[1] = sideslip_angle(motion, speed), angle_of_attack(motion.heading, direction)
+            every[2], every[3], every[4] = speed, current, depth
+            every[5] = motion.forward - motion.cos * current_x - motion.sin * current_y
+            every[6] = motion.lateral - motion.cos * current_y + motion.sin * current_x
+            every[7], every[8] = motion.forward, motion.lateral
+            every[9] = w[2]
+            every[10] = turn[0, 0] * w[0] + turn[1, 0] * w[1] + turn[2, 0] * w[2]
+            every[11] = turn[0, 1] * w[0] + turn[1, 1] * w[1] + turn[2, 1] * w[2]
+            every[12] = v[2]
+            every[13] = depth - position[row, body, 2]
+            every[14], every[15] = turn[2, 1], -turn[2, 0]
+            for place, column in enumerate(columns):
+                chosen[n, body, place] = every[column]
+    return chosen

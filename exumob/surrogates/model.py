@@ -118,12 +118,8 @@ class SurrogateHydrodynamics:
         if self._relaxed and self._last_learnt is not None and len(history) > 1:
             learnt = 0.5 * (learnt + self._last_learnt)
         self._last_learnt = learnt
-        wrenches = learnt if base is None else learnt + base
-        share = np.zeros(5)
-        if self.fallback:
-            assert base is not None
-            share = _fallback_share(excess)
-            wrenches = (1.0 - share[:, None]) * wrenches + share[:, None] * base
+        share = _fallback_share(excess) if self.fallback else np.zeros(5)
+        wrenches = learnt if base is None else base + (1.0 - share)[:, None] * learnt
         self._times.append(float(history.time[-1]))
         self._spread.append(spread)
         self._excess.append(excess)
