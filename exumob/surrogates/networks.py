@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared
@@ -215,12 +214,15 @@ class NetworkSet:
         Returns
         -------
         array, shape (5, 6); (5 sets, 6) if several are `stacked`
-            Force [N] and moment [N m], body axes; without those of the base model.
+            Force [N] and moment [N m], body axes; without those of the base model. All nan if an input is not finite.
         """
+        networks = len(self._scaling.mean)
+        if not np.isfinite(inputs).all():  # the kernels' arithmetic would lose it
+            return np.full((networks, len(WRENCH_COMPONENTS)), np.nan)
         if self.architecture.layer == "polynomial":
-            return self.batch_wrenches(np.tile(inputs, (len(self._scaling.mean) // len(inputs), 1, 1))[None])[0]
+            return self.batch_wrenches(np.tile(inputs, (networks // len(inputs), 1, 1))[None])[0]
         weights, bias, layers = self._transposed, self.arrays["b"], self._output_layers
-        wrenches = np.empty((len(bias), len(WRENCH_COMPONENTS)))
+        wrenches = np.empty((networks, len(WRENCH_COMPONENTS)))
         if self.architecture.layer == "lstm":
             evaluate_lstm(inputs, self._scaling, weights["W"], weights["U"], bias, layers, wrenches)
         else:
