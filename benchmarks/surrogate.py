@@ -1,7 +1,8 @@
 """What does a call of the five networks cost, and how near is it to the time that reading their weights takes?
 
 An LSTM with a window of three reads its recurrent weights twice (the first step starts from h = 0); everything else is
-read once. With one tap they are not read. The bandwidth is that of a sum over as many bytes, measured in the same run, one thread.
+read once. With a window of one they are not read at all. The bandwidth is that of a sum over as many bytes, measured in
+the same run, one thread.
 
 Then the call of the members that come with exumob, with the coefficient model, error bars and range: by part, and over
 that of revision 636969b (`past.toml`). Machines differ, and one machine from minute to minute: each time is divided by
