@@ -160,8 +160,15 @@ class MultibodyVehicle:
         """
         settings = integration_settings(SETTLING_MICRO_STEP, 1.0, TOLERANCE * self._residual_scale)
         settings.timeIntegration.newton.modifiedNewtonContractivity = 0.5
+        present = SETTLING_MICRO_STEP, TOLERANCE
 
-        def advance(end_time: float) -> BodyStates:
+        def advance(end_time: float, micro_step: float, tolerance: float) -> BodyStates:
+            nonlocal present
+            if (micro_step, tolerance) != present:
+                present = micro_step, tolerance
+                settings.timeIntegration.numberOfSteps = round(settings.timeIntegration.endTime / micro_step)
+                settings.timeIntegration.newton.absoluteTolerance = tolerance * self._residual_scale
+                self._go_on_from(self.save(histories=False), settings)
             self._advance(settings, end_time)
             return self.present()
 
