@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from damage import damage
 from made_up_networks import SMALL, made_up, residual
 from typer.testing import CliRunner
 
@@ -181,15 +182,7 @@ def test_a_damaged_file_is_the_right_one_or_refused(vehicle, tmp_path, seed):
     """Cut off, bits turned over, pieces left out: at places drawn at random, and at both ends."""
     network = made_up(SMALL, vehicle)
     file = network.save(tmp_path / "a.safetensors")
-    data, rng = bytearray(file.read_bytes()), np.random.default_rng(seed)
-    place = (0, len(data) - 1, 8, 20)[seed // 3] if seed < 12 else int(rng.integers(len(data)))
-    if seed % 3 == 0:
-        del data[place:]
-    elif seed % 3 == 1:
-        data[place] ^= 1 << int(rng.integers(8))
-    else:
-        del data[place : place + int(rng.integers(1, 100))]
-    file.write_bytes(data)
+    damage(file, seed, (0, -1, 8, 20))
     try:
         found = NetworkSet.load(file)
     except ValueError as error:
