@@ -31,7 +31,7 @@ SETTLING_MICRO_STEP = 2.5e-3
 """Step of the time integration meanwhile [s]."""
 SHORT_MICRO_STEP = 1.0e-3
 """The same where the soil may stick and slip [s]."""
-ROUGH = 1.0e-5
+ROUGH = 1.0e-6
 """Tolerance of Newton's iterations until the last stage, which is solved as the run itself is."""
 SLIPPERY = 20.0
 """How much faster than the true soil the slippery one creeps."""
