@@ -132,7 +132,7 @@ class MultibodyVehicle:
         self._residual_scale = vehicle.mass * float(self.parameters[0]["gravity"]) / np.sqrt(unknowns)
         self._settings = integration_settings(micro_step, duration, TOLERANCE * self._residual_scale)
         self._solver = exu.MainSolverImplicitSecondOrder()
-        self._constraints = Constraints(self.mbs, self._q, self._v, self._multipliers, self._reference, self._spin_rows)
+        self._constraints = Constraints(self.mbs, self._q, self._v, self._multipliers, self._spin_rows)
         self._predictor = Predictor(self._q, self._v, self._a, self._multipliers, NewmarkFactors.of(SPECTRAL_RADIUS))
         self._recorder = Recorder(SystemState(self._q, self._v, self._a, self._reference), duration, record_step)
 
@@ -260,9 +260,7 @@ class MultibodyVehicle:
         self._apply_loads()
 
     def _apply_loads(self) -> None:
-        vehicle_loads(
-            self.parameters, self._heights, self._q, self._v, self._reference, self.loads, self._generalized
-        )
+        vehicle_loads(self.parameters, self._heights, self._q, self._v, self._reference, self.loads, self._generalized)
         if self._joints.force_object is not None:
             self.mbs.SetObjectParameter(self._joints.force_object, "forceVector", self._generalized)
 
