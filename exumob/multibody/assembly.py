@@ -1,8 +1,8 @@
 """Assembly of the vehicle as an Exudyn system: nine rigid bodies, their joints and the user loads on them.
 
-Joints are algebraic constraints. Steering and wheel spin are prescribed in time by kinematic constraints, whose offsets are
-written anew for each step. The loads enter as one vector of generalised forces (`Joints.force_object`), or as user loads
-on each body, which read their rows of the record `exumob.multibody.applied_loads.LOADS`.
+Joints are algebraic constraints. Steering and wheel spin are prescribed in time by kinematic constraints, whose offsets
+are written anew for each step. The loads enter as one vector of generalised forces (`Joints.force_object`), or as user
+loads on each body, which read their rows of the record `exumob.multibody.applied_loads.LOADS`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The vehicle as a redundant-coordinate Exudyn model (paper Eq. 6), advanced macro step by macro step.
 
 `exumob.multibody.assembly` builds the system; soil, suspension and water come from `exumob.multibody.applied_loads`: one
-gather before each Newton residual. They enter as one vector of generalised forces; or, as Exudyn's users write them, as
+gather before each Newton residual. They enter as one vector of generalised forces, or, as Exudyn's users write them, as
 user loads that return their rows.
 """
 
@@ -23,9 +23,9 @@ from exumob.multibody.assembly import DrivingCommand, assemble
 from exumob.multibody.constraints import Constraints
 from exumob.multibody.energy_account import ENERGY_ACCOUNT, add_work
 from exumob.multibody.placing import standing_pose
-from exumob.multibody.recorder import Recorder, SystemState
 from exumob.multibody.predictor import NewmarkFactors, Predictor
 from exumob.multibody.reactions import constraint_wrenches
+from exumob.multibody.recorder import Recorder, SystemState
 from exumob.multibody.rigid_body import generalized_moment, rotation_matrix
 from exumob.multibody.settling import SETTLING_MICRO_STEP, Start, relax
 from exumob.multibody.soil_contact import DAMPING_ENTRIES, soil_damping
