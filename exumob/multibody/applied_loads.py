@@ -50,6 +50,7 @@ LOAD_PARAMETERS = np.dtype(
 LOADS = np.dtype(
     [
         ("water_wrench", "f8", (5, 6)),  # input: on the five bodies, body axes [N, N m], held over a macro step
+        ("point_wrench", "f8", (5, 6)),  # input: of the user's forces, world axes, about each body's origin [N, N m]
         ("hull_force", "f8", (3,)),  # all in world axes [N], [N m]
         ("hull_torque", "f8", (3,)),
         ("upright_force", "f8", (4, 3)),
@@ -66,6 +67,7 @@ LOADS = np.dtype(
         ("damper_power", "f8"),
         ("water_power", "f8"),
         ("settling_power", "f8"),
+        ("point_power", "f8"),  # of the user's forces
         ("spring_energy", "f8"),  # stored [J]
         ("kinetic_energy", "f8"),
         ("gravity_energy", "f8"),
@@ -148,7 +150,7 @@ def vehicle_loads(
     coordinates, velocities, reference : array, shape (63,)
         Node displacements and Euler-parameter increments, their rates, and the reference values.
     loads : array of dtype `LOADS`, shape (1,)
-        ``loads["water_wrench"]`` is read; everything else is written.
+        ``water_wrench`` and ``point_wrench`` are read; everything else is written.
     generalized : array, shape (63,), changed
         The same loads as generalised forces on the coordinates: for each body its force [N] and 2 G^T(e) times its
         torque [N m].
@@ -199,6 +201,7 @@ def _start_sums(p: Any, motion: BodyMotion, out: Any) -> None:
     out.damper_power = 0.0
     out.water_power = 0.0
     out.settling_power = 0.0
+    out.point_power = 0.0
     out.spring_energy = 0.0
     out.deepest = 0.0
     kinetic = 0.0
@@ -227,8 +230,9 @@ def _water_on_hull(p: Any, motion: BodyMotion, out: Any) -> None:
         f_s = -p.settling_rate * p.body_mass[0] * rate[k]
         t_s = -p.settling_rate * p.body_inertia[0, k] * turning[k]
         out.settling_power += f_s * rate[k] + t_s * turning[k]
-        out.hull_force[k] = f + f_s
-        out.hull_torque[k] = t + t_s
+        out.point_power += out.point_wrench[0, k] * rate[k] + out.point_wrench[0, 3 + k] * turning[k]
+        out.hull_force[k] = f + f_s + out.point_wrench[0, k]
+        out.hull_torque[k] = t + t_s + out.point_wrench[0, 3 + k]
     if p.hold_rate > 0.0:
         _hold(p, motion, out)
 
@@ -268,8 +272,9 @@ def _water_on_wheel(p: Any, motion: BodyMotion, i: int, out: Any) -> None:
         out.water_power += f * rate[k] + t * turning[k]
         f_s = -p.settling_rate * (p.body_mass[1 + i] + p.body_mass[5 + i]) * rate[k]
         out.settling_power += f_s * rate[k]
-        out.upright_force[i, k] = f + f_s
-        out.upright_torque[i, k] = t
+        out.point_power += out.point_wrench[1 + i, k] * rate[k] + out.point_wrench[1 + i, 3 + k] * turning[k]
+        out.upright_force[i, k] = f + f_s + out.point_wrench[1 + i, k]
+        out.upright_torque[i, k] = t + out.point_wrench[1 + i, 3 + k]
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,15 +1,15 @@
 """The vehicle as a redundant-coordinate Exudyn model (paper Eq. 6), advanced macro step by macro step.
 
-`exumob.multibody.assembly` builds the system; soil, suspension and water come from `exumob.multibody.applied_loads`: one
-gather before each Newton residual. They enter as one vector of generalised forces, or, as Exudyn's users write them, as
-user loads that return their rows.
+`exumob.multibody.assembly` builds the system; soil, suspension and water come from `exumob.multibody.applied_loads`, in
+one gather before each Newton residual. They enter as one vector of generalised forces, or, as Exudyn's users write
+them, as user loads that return their rows.
 """
 
 from __future__ import annotations
 
 import copy
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +35,7 @@ from exumob.support.errors import SimulationError
 from exumob.support.exudyn import exu
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
+from exumob.vehicle.point_force import PointForce
 
 logger = logging.getLogger(__name__)
 
@@ -77,6 +78,8 @@ class MultibodyVehicle:
         Spin below which the shear displacement is regularised [rad/s] (see `exumob.ground.terramechanics`).
     user_loads : bool
         Let each load enter as a user function of Exudyn (paper Sec. 2.2), not all of them as one vector.
+    forces : sequence of PointForce
+        Forces of the user's own.
 
     Notes
     -----
@@ -95,6 +98,7 @@ class MultibodyVehicle:
         record_step: float = 1.0e-2,
         standstill_rate: float = 0.05,
         user_loads: bool = False,
+        forces: Sequence[PointForce] = (),
     ) -> None:
         """Build the system at ride height on the terrain."""
         self.vehicle = vehicle
@@ -106,6 +110,10 @@ class MultibodyVehicle:
         self.parameters = pack_parameters(vehicle, soil, terrain, standstill_rate)
         self.loads = np.zeros(1, LOADS)
         self._generalized = np.zeros(63)
+        origins = np.vstack([vehicle.hull_origin, vehicle.wheel_centers])
+        self._forces = [
+            (force, force.body_number, np.array(force.point) - origins[force.body_number]) for force in forces
+        ]
         self.energy_account = np.zeros(1, ENERGY_ACCOUNT)
         self._heights = terrain.as_arrays()[1]
         self._ground_normal = standing_pose(vehicle, terrain)[1][:, 2]
@@ -187,10 +195,8 @@ class MultibodyVehicle:
 
         self.parameters[0]["hold_place"] = self._reference[:3] + laid[0][:3]
         self.parameters[0]["hold_normal"] = self._ground_normal
-        try:
-            start = relax(self.vehicle, self.parameters[0], self.loads[0], water_wrenches, advance, begin, state)
-        finally:
-            self._solver.FinalizeSolver(self.mbs, settings)
+        start = relax(self.vehicle, self.parameters[0], self.loads[0], water_wrenches, advance, begin, state)
+        self._solver.FinalizeSolver(self.mbs, settings)
         self.start_kind = start.kind
         moving = initial_speed != 0.0 or self.maneuver.wheel_speed(0.0)[0] != 0.0
         velocities = self._rolling(start.coordinates, initial_speed) if moving else start.velocities
@@ -257,12 +263,26 @@ class MultibodyVehicle:
 
     def _evaluate(self, time: float) -> None:
         self._prescribe(time)
-        self._apply_loads()
+        self._apply_loads(time)
 
-    def _apply_loads(self) -> None:
+    def _apply_loads(self, time: float) -> None:
+        if self._forces:
+            self._apply_forces(time if self._driving else 0.0)
         vehicle_loads(self.parameters, self._heights, self._q, self._v, self._reference, self.loads, self._generalized)
         if self._joints.force_object is not None:
             self.mbs.SetObjectParameter(self._joints.force_object, "forceVector", self._generalized)
+
+    def _apply_forces(self, time: float) -> None:
+        """Ask for the user's forces, at their points as they move now."""
+        wrenches = self.loads[0]["point_wrench"]
+        wrenches[:] = 0.0
+        present = self.present()
+        for force, body, place in self._forces:
+            arm = present.rotation[0, body] @ place
+            velocity = present.velocity[0, body] + np.cross(present.angular_velocity[0, body], arm)
+            given = force.at(time, present.position[0, body] + arm, velocity)
+            wrenches[body, :3] += given
+            wrenches[body, 3:] += np.cross(arm, given)
 
     def _before_residual(self, mbs: Any, time: float, newton_iteration: int, discontinuous_iteration: int) -> None:
         if newton_iteration == 0:
@@ -271,7 +291,7 @@ class MultibodyVehicle:
                 mean, rate, middle = self._changing_wrench
                 self.loads[0]["water_wrench"] = mean + (time - middle) * rate
             self._predictor.predict(time)
-        self._apply_loads()
+        self._apply_loads(time)
 
     def _load_jacobian(
         self, mbs: Any, time: float, factor: float, factor_velocity: float, factor_first_order: float
@@ -326,7 +346,7 @@ class MultibodyVehicle:
 
     def _record(self, time: float) -> None:
         """Store all loads (at the converged state), reactions and constraint errors."""
-        self._apply_loads()
+        self._apply_loads(time)
         self._recorder.add_record(
             time,
             loads=self.loads[0],
