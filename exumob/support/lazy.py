@@ -37,8 +37,8 @@ def on_first_use(package: str) -> tuple[Callable[[str], Any], Callable[[], list[
         """Names with the modules that define them, and their names there."""
         import ast  # only where a name is used: the help of the command line needs none
 
-        spec = module.__spec__
-        source = spec.loader.get_source(package) if spec is not None and hasattr(spec.loader, "get_source") else None
+        read = getattr(getattr(module.__spec__, "loader", None), "get_source", None)
+        source = None if read is None else read(package)
         if source is None:
             raise ImportError(f"the source of {package}/__init__.py is missing; install exumob with its .py files.")
         return {
