@@ -212,8 +212,8 @@ def lane_change_command(  # one argument an option of the command line
     if code and checkpoint is not None and checkpoint.exists():
         errors.print(f"{checkpoint} holds the run: the same command with --resume goes on.", soft_wrap=True)
     measured = vehicle is None and hydrodynamics is not WaterModel.cfd and micro_step is None and macro_step is None
-    report_run(result, targets, f"{setting.value}: {SETTINGS[setting.value].error}" if measured else "")
-    raise typer.Exit(code)
+    written = report_run(result, targets, f"{setting.value}: {SETTINGS[setting.value].error}" if measured else "")
+    raise typer.Exit(code or (0 if written else 2))
 
 
 @dataclass(frozen=True)
