@@ -267,7 +267,7 @@ class MultibodyVehicle:
 
     def _sunk(self, time: float, depth: float) -> SimulationError:
         """Say that a wheel has sunk to its centre, or that the motion is not finite (depth NaN)."""
-        name, phase = self.vehicle.name, "" if self._driving else "while settling, "
+        name, phase = self.vehicle.name, self._phase
         if np.isnan(depth):
             return SimulationError(
                 f"{name}: {phase}the motion is not finite at {time:.4f} s; halve micro_step and macro_step."
@@ -301,38 +301,48 @@ class MultibodyVehicle:
         )
 
     def _advance(self, settings: Any, end_time: float) -> None:
-        """Integrate to `end_time`, with a looser tolerance where rounding stops Newton's iterations short of it."""
-        before = self.save(histories=False) if self._driving else None
+        """Integrate to `end_time`, with a looser tolerance where rounding stops Newton's iterations short of it.
+
+        While the vehicle settles, the looser tolerance stays: there each macro step meets the same rounding.
+        """
+        before = self.save(histories=False)
         if self._solve(settings, end_time):
             return
         newton = settings.timeIntegration.newton
         usual = newton.relativeTolerance, newton.absoluteTolerance
-        try:
-            for tolerance in LOOSER:
-                if before is None:
-                    break
-                newton.relativeTolerance, newton.absoluteTolerance = tolerance, 1e-2 * tolerance
-                self._go_on_from(before, settings)
-                if self._solve(settings, end_time):
-                    logger.warning(
-                        "%s: Newton's iterations stopped short of the usual tolerance in the macro step that ends at "
-                        "%.4f s; it was solved to %g of its first residual.", self.vehicle.name, end_time, tolerance,
-                    )  # fmt: skip
-                    newton.relativeTolerance, newton.absoluteTolerance = usual
-                    self._go_on_from(self.save(histories=False), settings)
-                    return
-        finally:
-            newton.relativeTolerance, newton.absoluteTolerance = usual
-        raise SimulationError(
-            f"{self.vehicle.name}: the time integration broke down at {self.time:.4f} s (Newton did not converge). "
+        for tolerance in LOOSER:
+            newton.relativeTolerance, newton.absoluteTolerance = tolerance, 1e-2 * tolerance
+            self._go_on_from(before, settings)
+            if not self._solve(settings, end_time):
+                continue
+            logger.warning(
+                "%s: %sNewton's iterations stopped short of the usual tolerance in the macro step that ends at %.4f s; "
+                "it was solved to %g of its first residual.", self.vehicle.name, self._phase, end_time, tolerance,
+            )  # fmt: skip
+            if self._driving:
+                newton.relativeTolerance, newton.absoluteTolerance = usual
+                self._go_on_from(self.save(histories=False), settings)
+            return
+        newton.relativeTolerance, newton.absoluteTolerance = usual
+        remedy = (
             "Halve micro_step, or soften the soil, the bump stops or the maneuver."
+            if self._driving
+            else "Start on gentler ground, or soften the soil or the suspension and its stops."
         )
+        raise SimulationError(
+            f"{self.vehicle.name}: {self._phase}the time integration broke down at {self.time:.4f} s (Newton did not "
+            f"converge). {remedy}"
+        )
+
+    @property
+    def _phase(self) -> str:
+        return "" if self._driving else "while settling, "
 
     def _go_on_from(self, saved: SavedState, settings: Any) -> None:
         """Return to a state with a new solver: one that failed keeps its reduced step, and any the tolerance it had."""
         self._solver = exu.MainSolverImplicitSecondOrder()
         self._solver.InitializeSolver(self.mbs, settings)
-        self.restore(saved)
+        self._return_to(saved, settings)
 
     def _solve(self, settings: Any, end_time: float) -> bool:
         self._solver.it.endTime = end_time
@@ -418,9 +428,12 @@ class MultibodyVehicle:
 
     def restore(self, saved: SavedState) -> None:
         """Return to a saved state, bit for bit."""
-        data, settings = self.mbs.systemData, self._settings
         if not self._driving:
-            self._start(settings, driving=True)
+            self._start(self._settings, driving=True)
+        self._return_to(saved, self._settings)
+
+    def _return_to(self, saved: SavedState, settings: Any) -> None:
+        data = self.mbs.systemData
         # the algorithmic acceleration can only be written through the initial configuration
         initial = data.GetSystemStateDict(reference=True, configuration=exu.ConfigurationType.Initial)
         kept = {k: np.array(v) for k, v in initial.items()}

@@ -26,7 +26,9 @@ OVERLAP = 1.0e-4
 MERGED = 1.0e-7
 """Distance over the size of the mesh below which corners are one [-]."""
 HOLLOWEST = 0.2
-"""Volume enclosed over that of the box round the mesh below which it is taken for a shell with walls [-]."""
+"""Volume enclosed over that of the box round the mesh below which it may be a shell with walls [-]."""
+WALL = 0.03
+"""Mean thickness over the size of the mesh below which it is one then [-]; the hulls of catamarans are thicker."""
 LIKELY_UNITS = ((1000.0, "millimetres", 1e-3), (100.0, "centimetres", 1e-2), (39.37, "inches", 0.0254),
                 (3.2808, "feet", 0.3048), (1e-3, "kilometres", 1e3))  # fmt: skip
 """Size of a mesh over that of its hull, the unit that it is then likely in, and that unit in metres."""
@@ -258,11 +260,13 @@ def _require_outward(name: str, triangles: Array, bodies: np.ndarray) -> None:
             "trimesh.boolean.union with the package manifold3d)."
         )
     share = float(volumes.sum() / np.prod(high - low))
-    if share < HOLLOWEST:
+    thickness = 4.0 * float(volumes.sum() / np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    if share < HOLLOWEST and thickness < WALL * size:
         raise ValueError(
             f"{name} encloses {volumes.sum():.3g} m^3, {100 * share:.1f} % of the box round it (at least "
-            f"{100 * HOLLOWEST:.0f} %): a shell with walls, open on top? The mesh counts for what it encloses; close "
-            "it over the deck, and leave the inside out."
+            f"{100 * HOLLOWEST:.0f} %), and is {1e3 * thickness:.3g} mm thick in the mean (or at least "
+            f"{1e3 * WALL * size:.3g} mm): a shell with walls, open on top? The mesh counts for what it encloses; "
+            "close it over the deck, and leave the inside out."
         )
 
 

@@ -106,7 +106,8 @@ BAD = {
     "a spike through the keel": (lambda: spiked(0.3), "cuts through itself: about"),
     "twisted": (lambda: twisted(0.5), "cuts through itself|encloses nothing"),
     "a bow-tie": (lambda: twisted(1.0), "encloses nothing on balance: it cuts through itself"),
-    "an open tub": (tub, r"11\.1 % of the box round it \(at least 20 %\): a shell with walls"),
+    "an open tub": (tub, r"11\.1 % of the box round it \(at least 20 %\).* thick in the mean .*: a shell with walls"),
+    "an open tub with thick walls": (lambda: tub(0.015), "a shell with walls"),
 }  # fmt: skip
 
 
@@ -121,6 +122,8 @@ GOOD = {
     "a box": (box, 0.088),
     "a dented box": (lambda: spiked(0.15), None),
     "a catamaran": (lambda: joined(*(box((1.0, 0.15, 0.2), (0.0, y, 0.178)) for y in (-0.14, 0.14))), 0.06),
+    "a slim catamaran": (lambda: joined(*(box((1.0, 0.08, 0.15), (0.0, y, 0.178)) for y in (-0.4, 0.4))), 0.024),
+    "a hull with a mast": (lambda: joined(box(), box((0.02, 0.02, 1.0), (0.0, 0.0, 0.779))), 0.0884),
     "bodies that touch": (
         lambda: joined(box((0.5, 0.44, 0.2), (-0.25, 0, 0.178)), box((0.5, 0.4, 0.18), (0.25, 0, 0.178))),
         0.08,
