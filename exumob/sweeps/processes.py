@@ -8,7 +8,6 @@ another process of that pool then starts again.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import multiprocessing
 import os
 import signal
@@ -17,7 +16,6 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import xarray as xr
@@ -25,6 +23,7 @@ import xarray as xr
 from exumob.simulation.summary import summary
 from exumob.simulation.verdict import verdict_of_error
 from exumob.support.errors import SimulationError
+from exumob.support.processes import end_with_parent, lives
 from exumob.sweeps.case_store import CaseStore, StorageError, fault_of_result
 
 GRACE = 10.0
@@ -56,7 +55,7 @@ class _Worker:
         number = int(item["case"])
         store = self.store
         if self.parent is not None and os.getpid() != self.parent:
-            _die_with_parent()
+            end_with_parent(self.parent)
         attempts = store.begin(number, self.parent is None)
         began = time.perf_counter()
         if attempts >= ATTEMPTS:
@@ -191,7 +190,8 @@ def run_in_processes(store: CaseStore, workers: int, report_progress: Callable[[
                 pool.join(max(POLL, 9.0 * (time.monotonic() - looked)))
         finally:
             _kill(pool)
-            store.forget_begun(n for n, begun in store.begun().items() if begun["at"] >= since and n not in lost)
+            counted = lost - store.ended()
+            store.forget_begun(n for n, begun in store.begun().items() if begun["at"] >= since and n not in counted)
             store.remove_partial_files()
         failure = _received(receiver)
         if isinstance(failure, StorageError):
@@ -219,30 +219,33 @@ def _received(receiver: Any) -> StorageError | str:
 
 
 def _lost(store: CaseStore, since: float) -> set[int]:
-    """Cases begun since then that will never end: their process is gone, or is far beyond its time limit."""
+    """Cases begun since then whose process is gone, or was far beyond its time limit and is killed here.
+
+    A case that ended at the last moment is among them, too: the pool waits for its process.
+    """
     found = set()
     for number, begun in store.begun().items():
         if begun["at"] < since:  # by an earlier pool
             continue
-        if not _alive(begun["pid"]):
-            if number not in store.ended():
-                found.add(number)
-        elif store.time_limit is not None and time.time() > begun["at"] + store.time_limit + GRACE:
-            store.end(number, "out of time", "it did not heed its time limit: killed", store.time_limit + GRACE, {})
+        if not lives(begun["pid"]):
             found.add(number)
+        elif store.time_limit is not None and time.time() > begun["at"] + store.time_limit + GRACE:
+            if number in store.ended():  # about to remove its mark
+                continue
+            _kill_process(begun["pid"])
+            found.add(number)
+            if number not in store.ended():  # nobody can write it now
+                store.end(number, "out of time", "it did not heed its time limit: killed", store.time_limit + GRACE, {})
     return found
 
 
-def _alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    with contextlib.suppress(OSError):  # a zombie has done its last work
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    return True
+def _kill_process(pid: int) -> None:
+    """Kill a process, and wait until it has ended."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+    until = time.monotonic() + GRACE
+    while lives(pid) and time.monotonic() < until:
+        time.sleep(0.01)
 
 
 def _kill(pool: Any) -> None:
@@ -281,19 +284,11 @@ def _pool(store: CaseStore, numbers: list[int], workers: int, leader: int, sende
 
 def _end_with(leader: int) -> None:
     """Kill the pool's processes as soon as the leader is gone."""
-    while _alive(leader):
+    while lives(leader):
         time.sleep(POLL)
     if hasattr(os, "killpg"):
         os.killpg(0, signal.SIGKILL)
     os._exit(1)
-
-
-def _die_with_parent() -> None:
-    """Have the system kill this process when its pool dies (Linux)."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-        if os.getppid() == 1:
-            os._exit(1)
 
 
 # -- ranks of MPI ------------------------------------------------------------------------------------------------------
