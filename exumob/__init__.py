@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from exumob.support.errors import SimulationError, SimulationInterrupted
     from exumob.support.quantities import ImplausibleValue, unusual
     from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones
+    from exumob.vehicle.point_force import PointForce
     from exumob.vehicle.vehicle_file import load_vehicle
     from exumob.water.coefficients import CoefficientHydrodynamics
     from exumob.water.conditions import Water
@@ -38,6 +39,7 @@ __all__ = [
     "LaneChange",
     "NoWater",
     "PathFollowing",
+    "PointForce",
     "Recorded",
     "SimulationError",
     "SimulationInterrupted",
