@@ -87,7 +87,7 @@ class MultibodyVehicle:
     Call `settle` once, then `advance` macro step by macro step.
     """
 
-    def __init__(
+    def __init__(  # one argument a part of the run; all but six have defaults
         self,
         vehicle: Vehicle,
         soil: Soil,
