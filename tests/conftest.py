@@ -29,18 +29,23 @@ def of_flow(path):
 
 
 def pytest_collection_modifyitems(items):
-    """The flow's tests come first: the other process does the rest in the meantime."""
-    items.sort(key=lambda item: not of_flow(item.nodeid))
+    """The flow's tests come first, small files last, so that no process is left with a long one at the end."""
+    items.sort(key=lambda item: (not of_flow(item.nodeid), item.nodeid.startswith("tests/unit")))
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Tests are divided among processes by files, which share fixtures; all of the flow's go to one, studies singly."""
+    """Tests are divided among processes by files, which share fixtures; all of the flow's go to one.
+
+    Studies are divided singly, and what tries any input by its functions: each is longer than most files.
+    """
     from xdist.scheduler import LoadScopeScheduling
 
     class ByCost(LoadScopeScheduling):
         def _split_scope(self, nodeid):
             path = nodeid.split("::")[0]
+            if path.startswith("tests/fuzz"):
+                return nodeid.split("[")[0]
             return "flow" if of_flow(path) else nodeid if path == "tests/runs/test_studies.py" else path
 
     return ByCost(config, log)

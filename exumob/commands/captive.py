@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich import box
@@ -36,6 +36,7 @@ from exumob.commands.shared import (
     simulated_time_bar,
     vehicle_of,
     whatever_was_computed,
+    write_or_say,
     write_result,
 )
 from exumob.support.quantities import DEPTH, DIRECTION, STEERING_ANGLE, WHEEL_SPEED
@@ -133,28 +134,35 @@ def captive_command(  # one argument an option of the command line
     except (ValueError, OSError, ImportError) as error:
         fail(error)
 
+    lost: list[bool] = []
+
+    def add(*instant: Any) -> None:  # a disk that is full must not cost the run
+        if series is not None and not lost:
+            if not write_or_say("further fields", series.folder, lambda: series.add(*instant)):
+                lost.append(True)
+
     def run(advance: Callable[[float], None]) -> xr.Dataset:
         with option_names():
             return captive_run(
                 car, water, motion, cell_size=cell_size, duration=duration, interval=interval, settings=settings,
-                snapshots=snapshots, on_snapshot=series.add if series else None, allow_coarse=coarse, progress=advance,
+                snapshots=snapshots, on_snapshot=add if series else None, allow_coarse=coarse, progress=advance,
             )  # fmt: skip
 
     with simulated_time_bar(duration) as advance:
         result, code = whatever_was_computed(lambda: run(advance), output)
-    _report(result, targets)
-    if series:
+    written = _report(result, targets) and not lost
+    if series and series.file.exists():
         console.print(f"ParaView  {series.file}", soft_wrap=True)
-    raise typer.Exit(code)
+    raise typer.Exit(code or (0 if written else 2))
 
 
-def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> None:
+def _report(result: xr.Dataset, targets: dict[str, Path | None]) -> bool:
     from exumob.flow.output.pictures import animate_surface
     from exumob.towing_tank.plots import plot_captive
 
     if result.sizes["time"] > 1:
         _print_loads(result)
-    write_result(result, targets, plot_captive, animate_surface)
+    return write_result(result, targets, plot_captive, animate_surface)
 
 
 def _print_loads(result: xr.Dataset) -> None:

@@ -43,7 +43,6 @@ from exumob.commands.shared import (
     vehicle_of,
     whatever_was_computed,
 )
-from exumob.coupling.scheme import Coupling
 from exumob.simulation.settings import DURATION, SETTINGS, SOIL
 from exumob.support.quantities import (
     CURRENT_SPEED,
@@ -58,6 +57,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from exumob.coupling.flow_in_loop import CfdHydrodynamics
+    from exumob.coupling.scheme import Coupling
     from exumob.water.conditions import Water
     from exumob.water.hydrodynamics import Hydrodynamics
 
@@ -212,8 +212,8 @@ def lane_change_command(  # one argument an option of the command line
     if code and checkpoint is not None and checkpoint.exists():
         errors.print(f"{checkpoint} holds the run: the same command with --resume goes on.", soft_wrap=True)
     measured = vehicle is None and hydrodynamics is not WaterModel.cfd and micro_step is None and macro_step is None
-    report_run(result, targets, f"{setting.value}: {SETTINGS[setting.value].error}" if measured else "")
-    raise typer.Exit(code)
+    written = report_run(result, targets, f"{setting.value}: {SETTINGS[setting.value].error}" if measured else "")
+    raise typer.Exit(code or (0 if written else 2))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated
 
@@ -17,12 +16,16 @@ from exumob.commands.options import (
     Seed,
     SettingName,
     SettingOption,
+    UnusualValues,
     VehicleFile,
     Workers,
     option,
+    radians,
 )
-from exumob.commands.shared import check_targets, console, counting_bar, errors, fail
+from exumob.commands.shared import check_targets, console, counting_bar, errors, fail, write_or_say
 from exumob.simulation.settings import SOIL
+from exumob.support.files import write_text
+from exumob.support.quantities import DIRECTION, Unusual
 
 
 def map_command(  # one argument an option of the command line
@@ -50,6 +53,7 @@ def map_command(  # one argument an option of the command line
     cells: Annotated[int, option(EXPERT, "Cells of the first level along each axis.")] = 4,
     levels: Annotated[int, option(EXPERT, "Times that the border between go and no-go is refined.")] = 1,
     seed: Seed = 0,
+    unusual: UnusualValues = False,
 ) -> None:
     """Map where the vehicle can cross, with the chance that it does, over depth, current and soil.
 
@@ -72,12 +76,13 @@ def map_command(  # one argument an option of the command line
         experiment = replace(amphibious_crossing(), duration=4.0, setting=setting.value, hydrodynamics=hydrodynamics)
         if vehicle is not None:
             experiment = replace(experiment, vehicle=load_vehicle(vehicle))
-        experiment = experiment.with_values({"water.current_direction": math.radians(current_direction)})
+        direction = radians("--current-direction", current_direction, DIRECTION, unusual)
+        experiment = experiment.with_values({"water.current_direction": direction})
         experiment.check()
         wanted = MobilityMap(
             Crossing(experiment, Limits(width=width, time=time, drift=drift, window=1.5)),
-            Axis("water.current_speed", *_span("--current", current), cells),
-            Axis("water.depth_ratio", *_span("--depth", depth), cells),
+            Axis("water.current_speed", *_span("--current", current, unusual), cells),
+            Axis("water.depth_ratio", *_span("--depth", depth, unusual), cells),
             {name: {"soil": name} for name in soil or [SOIL]},
             scatter=SCATTER if draws > 1 else {}, draws=draws, levels=levels, seed=seed,
         )  # fmt: skip
@@ -96,9 +101,12 @@ def map_command(  # one argument an option of the command line
         console.print(text, soft_wrap=True)
     console.print(f"trust     {result.attrs['trust']}", soft_wrap=True)
     console.print(f"result    {output / 'map.nc'}", soft_wrap=True)
+    written = True
     if csv is not None:
-        table(result).to_csv(csv, index=False)
-        console.print(f"table     {csv}", soft_wrap=True)
+        text = table(result).to_csv(index=False)
+        if kept := write_or_say("the table", csv, lambda: write_text(csv, text)):
+            console.print(f"table     {csv}", soft_wrap=True)
+        written &= kept
     if figure is not None:
         import matplotlib
 
@@ -106,7 +114,9 @@ def map_command(  # one argument an option of the command line
         from exumob.mobility.map_figure import plot_map
         from exumob.support.figures import save_figure
 
-        console.print(f"figure    {save_figure(plot_map(result), figure)}", soft_wrap=True)
+        if kept := write_or_say("the figure", figure, lambda: save_figure(plot_map(result), figure)):
+            console.print(f"figure    {figure}", soft_wrap=True)
+        written &= kept
     lost = {name: int(result.attrs[f"runs_{name.replace(' ', '_')}"]) for name in ("broke down", "lost")}
     if any(lost.values()):
         errors.print(
@@ -114,12 +124,15 @@ def map_command(  # one argument an option of the command line
             f"killed (in the folders of {output}: column `reason` of sweep.nc).", style="yellow", soft_wrap=True,
         )  # fmt: skip
         raise typer.Exit(1)
+    if not written:
+        raise typer.Exit(2)
 
 
-def _span(option: str, text: str) -> tuple[float, float]:
-    """Two numbers."""
+def _span(option: str, text: str, unusual: bool) -> tuple[float, float]:
+    """Two numbers, which may lie outside their plausible range if `unusual`."""
     low, _, high = text.partition(":")
     try:
-        return float(low), float(high)
+        ends = float(low), float(high)
     except ValueError:
         raise ValueError(f"{option} {text}: write from:to, such as 0.4:0.6.") from None
+    return (Unusual(ends[0]), Unusual(ends[1])) if unusual else ends

@@ -16,6 +16,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
+from exumob.commands.shared import fail
 from exumob.support.quantities import CELL_SIZE, CURRENT_SPEED, DIRECTION, DURATION, STEP, Quantity, Unusual
 
 RUN = "Run"
@@ -26,6 +27,15 @@ EXPERT = "Expert"
 
 class PanelCommand(TyperCommand):
     """A command whose help shows its options in panels, in plain text."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; where the system refuses a file that nothing else has asked about, say so."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            fail(error)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write a section for each panel, in the order in which the panels first appear."""

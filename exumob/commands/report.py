@@ -16,8 +16,8 @@ COLOURS = {"drives": "green"} | dict.fromkeys(("stuck", "afloat", "slides", "sta
 """Colour of a verdict's line; those that are not here are red."""
 
 
-def report_run(result: xr.Dataset, targets: dict[str, Path | None], setting: str = "") -> None:
-    """Print verdict and key figures of a run, and write its files.
+def report_run(result: xr.Dataset, targets: dict[str, Path | None], setting: str = "") -> bool:
+    """Print verdict and key figures of a run, and write its files; return whether all of them were written.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def report_run(result: xr.Dataset, targets: dict[str, Path | None], setting: str
     animate: Callable[[xr.Dataset, Path], None] = animate_run
     if "hydrodynamics_elevation" in result:
         from exumob.flow.output.pictures import animate_surface as animate
-    write_result(result, targets, plot_run, animate)
+    return write_result(result, targets, plot_run, animate)
 
 
 def _print_verdict(result: xr.Dataset) -> None:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
-import tempfile
+import os
+import shutil
+import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 import typer
 from rich.progress import BarColumn, Progress, TaskID, TimeRemainingColumn
 
 from exumob.commands.terminal import PlainColumn, PlainConsole
+from exumob.support.files import atomic_write, require_writable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -142,11 +146,10 @@ def whatever_was_computed(run: Callable[[], xr.Dataset], output: Path | None) ->
         errors.print(str(error), style="red", soft_wrap=True)
         errors.print("What was computed until then follows.")
         if output is not None and error.state is not None:
-            import numpy as np
-
             target = output.with_suffix(".state.npz")
-            np.savez(target, **error.state)
-            errors.print(f"Flow before the failed step (FlowSolver.restore): {target}", soft_wrap=True)
+            state = error.state
+            if write_or_say("the flow before the failed step", target, lambda: _keep_state(target, state)):
+                errors.print(f"Flow before the failed step (FlowSolver.restore): {target}", soft_wrap=True)
         return error.result, 1
     except SimulationInterrupted as stop:
         errors.print(f"{stop}; what was computed until then follows.", style="yellow", soft_wrap=True)
@@ -166,10 +169,44 @@ def vehicle_of(file: Path | None) -> Vehicle:
 def fail(error: Exception) -> NoReturn:
     """Say the error and leave with exit code 2."""
     text = str(error)
-    if isinstance(error, OSError) and error.filename is not None and error.strerror:  # of the system, not ours
-        text = f"{error.filename} cannot be read or written ({error.strerror}); give another place."
+    if isinstance(error, OSError) and error.strerror:  # of the system, not ours
+        place = "a file" if error.filename is None else error.filename
+        text = f"{place} cannot be read or written ({error.strerror}); make room, or give another place."
     errors.print(text, style="red", soft_wrap=True)
     raise typer.Exit(2)
+
+
+def write_or_say(what: str, file: Path, write: Callable[[], object]) -> bool:
+    """Write a file after the computing; if that fails, say why and let all else be written that was computed.
+
+    Parameters
+    ----------
+    what : str
+        What the file holds, for the message.
+    file : Path
+    write : callable
+        Writes it.
+
+    Returns
+    -------
+    bool
+        Whether it was written; if not, the command ends with exit code 2.
+    """
+    try:
+        write()
+    except (OSError, ValueError, MemoryError, subprocess.SubprocessError) as error:
+        reason = (os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)) or "no memory"
+        remedy = "" if isinstance(error, ValueError) else "; make room, or give another place"
+        errors.print(f"{file}: {what} could not be written ({reason}){remedy}.", style="red", soft_wrap=True)
+        return False
+    return True
+
+
+def _keep_state(file: Path, state: dict[str, Any]) -> None:
+    import numpy as np
+
+    with atomic_write(file) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, **state)
 
 
 def check_targets(targets: dict[str, Path | None]) -> None:
@@ -178,21 +215,17 @@ def check_targets(targets: dict[str, Path | None]) -> None:
     Raises
     ------
     ValueError
-        If a folder is missing or cannot be written, the ending of a picture or animation is not known, or a file that
-        exists is none that exumob writes. One that does is replaced when the run has ended, which is said.
+        If a file cannot be written (`exumob.support.files.require_writable`), the ending of a picture or animation is
+        not known, the program that an animation needs is missing, or a file that exists is none that exumob writes. One
+        that does is replaced when the run has ended, which is said.
     """
     for option, path in targets.items():
         if path is None:
             continue
-        if not path.parent.is_dir():
-            raise ValueError(f"{option} {path}: the folder {path.parent} does not exist; create it first.")
-        if path.is_dir():
-            raise ValueError(f"{option} {path}: this is a folder; give a file name.")
         try:
-            with tempfile.TemporaryFile(dir=path.parent):
-                pass
-        except OSError as error:
-            raise ValueError(f"{option} {path}: the folder cannot be written ({error.strerror}).") from None
+            require_writable(path)
+        except ValueError as error:
+            raise ValueError(f"{option} {error}") from None
         if path.exists() and path.suffix not in WRITTEN:
             raise ValueError(
                 f"{option} {path}: this file exists, and its ending {path.suffix!r} is none that exumob writes; give "
@@ -203,6 +236,8 @@ def check_targets(targets: dict[str, Path | None]) -> None:
         if path is not None and path.suffix not in endings:
             known = ", ".join(endings[:-1]) + f" or {endings[-1]}"
             raise ValueError(f"{option} {path}: the ending {path.suffix!r} is not known; use {known}.")
+        if path is not None and path.suffix == ".mp4" and shutil.which("ffmpeg") is None:
+            raise ValueError(f"{option} {path}: MP4 needs the program ffmpeg, which is not installed; use .gif.")
     if there := [str(path) for path in targets.values() if path is not None and path.exists()]:
         are = " and are" if len(there) > 1 else "s and is"
         errors.print(f"{', '.join(there)} exist{are} replaced at the end", style="yellow", soft_wrap=True)
@@ -211,25 +246,39 @@ def check_targets(targets: dict[str, Path | None]) -> None:
 def write_result(
     result: xr.Dataset, targets: dict[str, Path | None], plot: Callable[[xr.Dataset], Figure],
     animate: Callable[[xr.Dataset, Path], None],
-) -> None:  # fmt: skip
-    """Write the result, and draw it where that was asked for."""
+) -> bool:  # fmt: skip
+    """Write the result, and draw it where that was asked for; return whether all was written."""
     from exumob.simulation.result_files import save_dataset
 
-    if targets["--output"]:
-        console.print(f"result    {save_dataset(result, targets['--output'])}", soft_wrap=True)
-    if not (targets["--figure"] or targets["--animate"]):
-        return
+    output, figure, animation = (targets[option] for option in ("--output", "--figure", "--animate"))
+    written = True
+    if output:
+
+        def save() -> None:
+            console.print(f"result    {save_dataset(result, output)}", soft_wrap=True)
+
+        written &= write_or_say("the result", output, save)
+    if not (figure or animation):
+        return written
     if result.sizes["time"] < 3:
         errors.print("too little was computed to draw it", style="yellow")
-        return
+        return written
     import matplotlib
 
     matplotlib.use("Agg")
     from exumob.support.figures import save_figure
 
-    if targets["--figure"]:
-        console.print(f"figure    {save_figure(plot(result), targets['--figure'])}", soft_wrap=True)
-    if targets["--animate"]:
+    if figure:
+        if drawn := write_or_say("the figure", figure, lambda: save_figure(plot(result), figure)):
+            console.print(f"figure    {figure}", soft_wrap=True)
+        written &= drawn
+    if animation:
         with errors.status("drawing the animation"):
-            animate(result, targets["--animate"])
-        console.print(f"animation {targets['--animate']}", soft_wrap=True)
+            drawn = write_or_say("the animation", animation, lambda: animate(result, animation))
+        if drawn:
+            console.print(f"animation {animation}", soft_wrap=True)
+        else:
+            with contextlib.suppress(OSError):
+                animation.unlink(missing_ok=True)  # a part of it
+        written &= drawn
+    return written

@@ -8,7 +8,11 @@ from typing import Annotated
 import typer
 
 from exumob.commands.options import EXPERT, OUTPUT, RUN, VehicleFile, option
-from exumob.commands.shared import console, counting_bar, errors, fail, vehicle_of
+from exumob.commands.shared import console, counting_bar, errors, fail, vehicle_of, write_or_say
+from exumob.support.quantities import shown
+
+MOST = 1000
+"""Most seeds and processes."""
 
 
 def train_command(
@@ -28,7 +32,6 @@ def train_command(
     Example: exumob train --preset paper-lstm --seeds 5 --output networks
     """
     try:
-        from exumob.learning.cost import announce_training
         from exumob.learning.examples import training_runs
         from exumob.learning.presets import PRESETS
         from exumob.learning.training import Progress, train
@@ -37,12 +40,11 @@ def train_command(
         unknown = [name for name in wanted if name not in PRESETS]
         if unknown:
             raise ValueError(f"--preset {unknown[0]} is not known; use {', '.join(PRESETS)}.")
-        if seeds < 1 or jobs < 1:
-            raise ValueError(f"--seeds {seeds} and --jobs {jobs} must be at least 1.")
+        for name, number in (("--seeds", seeds), ("--jobs", jobs)):
+            if not 1 <= number <= MOST:
+                raise ValueError(f"{name} {shown(number)} must be 1 to {MOST}; give a number within.")
         runs = training_runs(data)
         car = vehicle_of(vehicle)
-        output.mkdir(parents=True, exist_ok=True)
-        announce_training([PRESETS[name] for name in wanted], runs, seeds, jobs)
     except (ValueError, OSError) as error:
         fail(error)
     except ImportError as error:
@@ -72,7 +74,18 @@ def train_command(
     from exumob.support.figures import save_figure
     from exumob.surrogates.networks import NetworkSet
 
+    written = True
     for name in wanted:
-        sets = [NetworkSet.load(file) for (preset_name, _), file in files.items() if preset_name == name]
-        curves = save_figure(plot_learning_curves(sets), output / f"{name}_curves.png")
-        console.print(f"{name}: {len(sets)} files in {output}, learning curves {curves}", soft_wrap=True)
+        made = [file for (preset_name, _), file in files.items() if preset_name == name]
+        curves = output / f"{name}_curves.png"
+
+        def draw(made: list[Path] = made, curves: Path = curves) -> None:
+            save_figure(plot_learning_curves([NetworkSet.load(file) for file in made]), curves)
+
+        drawn = write_or_say("the learning curves", curves, draw)
+        written &= drawn
+        console.print(
+            f"{name}: {len(made)} files in {output}{f', learning curves {curves}' if drawn else ''}", soft_wrap=True
+        )
+    if not written:
+        raise typer.Exit(2)

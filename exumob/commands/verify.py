@@ -8,6 +8,7 @@ import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,13 +19,11 @@ from rich.table import Table
 from rich.text import Text
 
 from exumob.commands.options import option_names
-from exumob.commands.shared import check_targets, console, errors, fail
+from exumob.commands.shared import check_targets, console, errors, fail, write_or_say
 from exumob.commands.terminal import PlainColumn, log_handler
 from exumob.support.cost import spelled_time
-from exumob.support.quantities import DURATION, Quantity
-
-CELL_SIZE = Quantity("m", above=0.0, at_most=10.0, plausible=(1e-6, 1.0))
-"""Width of the cells of a case"""
+from exumob.support.files import require_writable
+from exumob.support.quantities import DURATION
 
 if TYPE_CHECKING:
     from exumob.verification.check import Case, Check
@@ -75,7 +74,9 @@ def verify_command(
         check_targets({"--output": output, "--figure": figure})
         if output is not None and output.suffix not in (".md", ".csv"):
             raise ValueError(f"--output {output}: the ending {output.suffix!r} is not known; use .md or .csv.")
-    except ValueError as error:
+        if runs is not None:
+            _make_folder(runs)
+    except (ValueError, OSError) as error:
         fail(error)
     if runs is not None:
         os.environ[FOLDER] = str(runs)
@@ -85,19 +86,22 @@ def verify_command(
     errors.print(f"{number} case{'s' if number > 1 else ''}, about {took} on an idle core, without compiling")
     found: list[tuple[str, Check]] = []
     broken: list[str] = []
+    written = True
     for case in with_progress(chosen, expected):
         try:
             found += [(case.name, check) for check in case.run(**options)]
-        except (SimulationError, ValueError) as error:
+        except (SimulationError, ValueError, OSError) as error:
             broken.append(f"{case.name}: {error}")
-        if output:  # a run cut short keeps what it found
-            write_table(found, output)
+        if output and written:  # a run cut short keeps what it found
+            written = write_or_say("the table", output, partial(write_table, found, output))
     report(found, broken)
-    if output:
+    if output and (written or write_or_say("the table", output, partial(write_table, found, output))):
+        written = True
         console.print(f"table     {output}", soft_wrap=True)
     if figure and not broken:
-        draw(chosen, options, figure)
-    raise typer.Exit(1 if broken or not all(check.passed for _, check in found) else 0)
+        written &= draw(chosen, options, figure)
+    missed = broken or not all(check.passed for _, check in found)
+    raise typer.Exit(1 if missed else 0 if written else 2)
 
 
 def select(cases: Sequence[Case], names: Sequence[str], slow: bool) -> list[Case]:
@@ -125,6 +129,8 @@ def check_values(options: dict[str, Any]) -> None:
     ValueError
         Naming the option, its value and the bound.
     """
+    from exumob.verification.options import CELL_SIZE
+
     for name, quantity in (("cell_size", CELL_SIZE), ("duration", DURATION), ("interval", DURATION)):
         if name in options:
             quantity.check(f"--{name.replace('_', '-')}", options[name])
@@ -233,10 +239,22 @@ def check_table(found: Sequence[tuple[str, Check]]) -> Table:
     return table
 
 
-def draw(chosen: Sequence[Case], options: dict[str, Any], file: Path) -> None:
-    """Draw the one case that has a figure, from the runs that it has made."""
+def draw(chosen: Sequence[Case], options: dict[str, Any], file: Path) -> bool:
+    """Draw the one case that has a figure, from the runs that it has made; return whether it was written."""
     from exumob.support.figures import save_figure
 
-    for case in chosen:
-        if case.figure is not None:
-            console.print(f"figure    {save_figure(case.figure(**options), file)}", soft_wrap=True)
+    (drawn,) = (case.figure for case in chosen if case.figure is not None)
+    if not write_or_say("the figure", file, lambda: save_figure(drawn(**options), file)):
+        return False
+    console.print(f"figure    {file}", soft_wrap=True)
+    return True
+
+
+def _make_folder(folder: Path) -> None:
+    """Make the folder of finished runs, or refuse it before anything runs."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        require_writable(folder / "run.nc")
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ValueError(f"--runs {folder} cannot be made or written ({reason}); give another folder.") from None

@@ -113,7 +113,8 @@ class FlowCode(Protocol):
     def report(self) -> dict[str, float]:
         """Return figures of the last `advance` for the result, such as iterations and residual.
 
-        The names must always be the same; the dict may be empty. The result holds them under ``hydrodynamics_<name>``.
+        The names must always be the same, the values finite; the dict may be empty. The result holds them under
+        ``hydrodynamics_<name>``.
         """
 
 

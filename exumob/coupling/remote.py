@@ -19,7 +19,8 @@ velocity [m/s], three components; `P` is `{"position": n x 3, "rotation": n x 3 
 "angular_velocity": n x 3, "spin": n}`; `loads` are the mean wrenches on the n bodies. A code that cannot go on answers
 `{"error": "why, and what to do"}`: as the answer to "start" this becomes a ValueError, to anything else a
 SimulationError. Answers longer than 1 MiB, or 256 MiB for a state, end the run before they
-are read; so do lists and objects nested deeper than 100, and a report of more than 1000 figures or of changing names.
+are read; so do lists and objects nested deeper than 100, and a report of more than 1000 figures, of
+changing names or of values that are not finite.
 
 Neither side runs code of the other: messages are data. The connection is not encrypted and nobody is asked for a
 password: use a tunnel (ssh -L) beyond machines that you trust.

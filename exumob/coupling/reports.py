@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any
 
@@ -32,7 +33,7 @@ def checked_report(code: str, found: Any, names: list[str] | None) -> dict[str, 
     Raises
     ------
     SimulationError
-        If it is no dict of numbers, has names that a result file cannot hold, or other names than before.
+        If it is no dict of finite numbers, has names that a result file cannot hold, or other names than before.
     """
     if not isinstance(found, dict) or len(found) > MOST_FIGURES:
         raise SimulationError(
@@ -50,10 +51,13 @@ def checked_report(code: str, found: Any, names: list[str] | None) -> dict[str, 
             if isinstance(value, bool | str | bytes):
                 raise TypeError
             figures[name] = float(value)
-        except OverflowError:
-            figures[name] = float("inf")
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise SimulationError(f"{code}: the report's {name} is {shown(value)}; it must be a number.") from None
+        if not math.isfinite(figures[name]):
+            raise SimulationError(
+                f"{code}: the report's {name} is {shown(value)}; it must be finite. A flow that is not is broken: look "
+                "into the flow code, or leave the figure out of all reports."
+            )
     if names is not None and sorted(figures) != names:
         other = sorted(set(figures) ^ set(names))
         raise SimulationError(

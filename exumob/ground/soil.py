@@ -56,14 +56,17 @@ class Soil(Declared):
         If a value is not finite or outside its range.
     """
 
-    k_c: Annotated[float, Quantity("N/m^(n+1)", at_least=0.0, at_most=1e12, plausible=(5.0, 1e8))]
+    k_c: Annotated[float, Quantity("N/m^(n+1)", at_least=0.0, at_most=1e12, plausible=(0.0, 1e8))]
     """Pressure-sinkage modulus that acts over the width; its unit depends on n and `pressure_form`, see above"""
-    k_phi: Annotated[float, Quantity("N/m^(n+2)", at_least=0.0, at_most=1e12, plausible=(1e4, 1e10))]
+    # no lower end: it is small beside k_phi in many soils, and k_phi tells kilonewtons from newtons
+    k_phi: Annotated[float, Quantity("N/m^(n+2)", at_least=0.0, at_most=1e12, plausible=(6e3, 1e10))]
     """Pressure-sinkage modulus that does not depend on the width; not 0 if `k_c` is"""
+    # the lower end is just above the largest that is published in kN/m^(n+2), 5880
     n: Annotated[float, Quantity("1", above=0.0, at_most=3.0, remedy="published exponents lie between 0.1 and 1.7.")]
     """Sinkage exponent"""
-    cohesion: Annotated[float, Quantity("Pa", at_least=0.0, at_most=1e8, plausible=(100.0, 1e6))]
+    cohesion: Annotated[float, Quantity("Pa", at_least=0.0, at_most=1e8, plausible=(70.0, 1e6))]
     """Cohesion c"""
+    # the lower end is just above the largest that is published in kPa, 68.95
     friction_angle: Annotated[float, Quantity("rad", at_least=0.0, at_most=math.radians(80.0))]
     """Angle of internal friction phi"""
     shear_modulus_x: Annotated[float, Quantity("m", above=0.0, plausible=(2e-4, 0.5))]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exumob.support.files import atomic_write
-from exumob.surrogates.inputs import INPUTS
-from exumob.surrogates.networks import EDGE, SAMPLING, Architecture, NetworkSet, exponents
+from exumob.surrogates.inputs import INPUTS, SAMPLING
+from exumob.surrogates.networks import EDGE, Architecture, NetworkSet, exponents
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 
 OPSET = 17

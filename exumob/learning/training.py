@@ -21,6 +21,7 @@ import numpy as np
 import torch
 import xarray as xr
 
+from exumob.learning.cost import announce_training
 from exumob.learning.dataset import check_run, water_of
 from exumob.learning.examples import Examples, build_examples, validation_run
 from exumob.learning.fitting import fit_body
@@ -116,6 +117,7 @@ def train(
         )
     for name, run in runs.items():
         check_run(run, name)
+    _check_geometry(runs, vehicle)
     parts = output / "parts"
     try:
         parts.mkdir(parents=True, exist_ok=True)
@@ -124,7 +126,7 @@ def train(
             f"train: the folder {parts} cannot be made ({error.strerror}); give a folder in which you may write."
         ) from None
     require_writable(parts / "network.safetensors", ROOM)
-    _check_geometry(runs, vehicle)
+    announce_training(presets, runs, len(seeds), jobs)
     data = _data_hash(runs, vehicle)
     files: dict[tuple[str, int], Path] = {}
     context = multiprocessing.get_context("spawn")

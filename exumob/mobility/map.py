@@ -29,7 +29,7 @@ from exumob.support.cost import require_memory
 from exumob.support.declared import Declared, checked
 from exumob.support.files import atomic_write
 from exumob.support.provenance import parameters_json, provenance
-from exumob.support.quantities import Quantity
+from exumob.support.quantities import Quantity, Unusual
 from exumob.surrogates.networks import GEOMETRY
 from exumob.sweeps.run import Progress, sweep
 from exumob.sweeps.sampling import (
@@ -77,6 +77,10 @@ class Axis(Declared):
     def _check(self) -> None:
         if not self.low < self.high:
             raise ValueError(f"Axis {self.name}: low = {self.low} must be below high = {self.high}.")
+
+    def value(self, place: float) -> float:
+        """A value along the axis; it may be unusual where the ends may."""
+        return Unusual(place) if isinstance(self.low, Unusual) or isinstance(self.high, Unusual) else float(place)
 
     def values(self, level: int) -> Array:
         """Values at the nodes of a level, shape (cells 2^level + 1,)."""
@@ -158,7 +162,7 @@ class MobilityMap(Declared):
     def case(self, panel: Case, x: float, y: float, factors: Case) -> Case:
         """Values of one run: those of a panel and of a place on the map, each times its factor."""
         first = next(iter(self.panels.values()))
-        values = {**{name: panel[name] for name in first}, self.x.name: float(x), self.y.name: float(y)}
+        values = {**{name: panel[name] for name in first}, self.x.name: self.x.value(x), self.y.name: self.y.value(y)}
         at = self.crossing.experiment.with_values(values)
         for name, factor in factors.items():
             if name == "hydrodynamics.member":

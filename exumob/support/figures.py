@@ -13,6 +13,8 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
+from exumob.support.files import atomic_write
+
 WATER_COLOR = "#4a90c2"
 
 
@@ -91,8 +93,17 @@ def legend_above_curves(axes: Axes, ncols: int = 2, least: float = 0.0) -> None:
 
 
 def save_figure(figure: Figure, file: str | Path) -> Path:
-    """Save a figure and close it."""
+    """Save a figure, whole or not at all, and close it.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
     path = Path(file)
-    figure.savefig(path)
-    plt.close(figure)
+    try:
+        with atomic_write(path) as temporary:
+            figure.savefig(temporary, format=path.suffix[1:] or None)
+    finally:
+        plt.close(figure)
     return path

@@ -7,6 +7,7 @@ import errno
 import hashlib
 import os
 import secrets
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -73,6 +74,18 @@ def atomic_write(file: str | Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+def write_text(file: str | Path, text: str) -> None:
+    """Write a text as UTF-8, whole or not at all.
+
+    Raises
+    ------
+    OSError
+        As `atomic_write`.
+    """
+    with atomic_write(file) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
 def require_writable(file: str | Path, size: int = 1 << 16) -> None:
     """Find out before a run that a file cannot be written during it or after it.
 
@@ -86,9 +99,22 @@ def require_writable(file: str | Path, size: int = 1 << 16) -> None:
     Raises
     ------
     ValueError
-        If its folder does not exist, cannot be written or is full.
+        If its folder does not exist, cannot be written or is full, its name is too long, or there is something else
+        than a file by that name (a folder, a device).
     """
     path = Path(file)
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        mode = stat.S_IFREG
+    except OSError as error:  # a name that is too long, a file in place of the folder, a circle of links
+        raise ValueError(f"{path} cannot be written: {error.strerror or error}; give another name.") from None
+    if not path.parent.is_dir():
+        raise ValueError(f"{path} cannot be written: the folder {path.parent} does not exist; create it first.")
+    if stat.S_ISDIR(mode):
+        raise ValueError(f"{path} cannot be written: this is a folder; give a file name.")
+    if not stat.S_ISREG(mode):
+        raise ValueError(f"{path} cannot be written: it is a device, and no file; give another name.")
     try:
         with tempfile.TemporaryFile(dir=path.parent) as stream:
             stream.write(bytes(size))

@@ -6,15 +6,25 @@ besides: velocities through the water, rates of rotation, immersion and tilt.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
-from exumob.vehicle.motion import BodyStates
+from exumob.vehicle.motion import HISTORY_STEP, BodyStates
 from exumob.water.conditions import Water
-from exumob.water.flow_states import FLOW_STATE_UNITS, FLOW_STATES, HorizontalMotion, flow_states, horizontal_motion
+from exumob.water.flow_states import (
+    FLOW_STATE_UNITS,
+    FLOW_STATES,
+    angle_of_attack,
+    horizontal_motion,
+    sideslip_angle,
+)
 
 
 class Input(NamedTuple):
@@ -47,6 +57,9 @@ INPUTS = {
     "hull_attack": Input("rad", -1, "angle of attack of the hull"),
 }
 """All input features, by name."""
+FEATURES = len(INPUTS)
+SAMPLING = HISTORY_STEP
+"""Interval of the instants from which an input window is taken [s]."""
 PAPER_INPUTS = FLOW_STATES
 """Input features of the paper, Eq. (7)."""
 MIRRORED_BODIES = (0, 2, 1, 4, 3)
@@ -55,16 +68,21 @@ MIRRORED_LOADS = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 """Signs of a wrench (Fx, Fy, Fz, Mx, My, Mz) in the mirrored motion."""
 
 
-def network_inputs(states: BodyStates, water: Water, names: Sequence[str]) -> Array:
+def network_inputs(
+    states: BodyStates, water: Water, names: Sequence[str], rows: NDArray[np.intp] | None = None, *, still: bool = False
+) -> Array:
     """Return the input features of the five networks.
 
     Parameters
     ----------
     states : BodyStates
-        n instants.
     water : Water
     names : sequence of str
         Names from `INPUTS`.
+    rows : array of int, optional
+        The n instants of `states` that are wanted; default: all.
+    still : bool
+        True: all velocities are taken as 0.
 
     Returns
     -------
@@ -76,15 +94,37 @@ def network_inputs(states: BodyStates, water: Water, names: Sequence[str]) -> Ar
     ValueError
         If a name is not known.
     """
-    unknown = [name for name in names if name not in INPUTS]
-    if unknown:
-        raise ValueError(f"network input {unknown[0]!r} is not known; use {', '.join(INPUTS)}.")
-    motion = horizontal_motion(states)
-    columns = np.moveaxis(flow_states(states, water, motion), -1, 0)
-    found: dict[str, Array] = dict(zip(FLOW_STATES, columns, strict=True))
-    if not set(names) <= set(found):
-        found |= _additional_features(states, water, motion, found)
-    return np.stack([found[name] for name in names], axis=-1)
+    columns = _columns(tuple(names))
+    rows = np.arange(len(states)) if rows is None else rows
+    return _features(
+        states.position, states.rotation, states.velocity, states.angular_velocity, rows, still,
+        (float(water.depth), float(water.current_speed), float(water.current_direction)), columns,
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def window_rows(time: Array, taps: int, stride: int) -> NDArray[np.intp]:
+    """Return the rows of a history that form the input window, oldest first.
+
+    The rows are found by their time, whatever the steps; for instants before the first row the first one is taken.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+        Times of the rows [s].
+    taps : int
+        Instants in the window.
+    stride : int
+        Interval between them [ms].
+    """
+    rows = np.empty(taps, np.intp)
+    row = len(time) - 1
+    for tap in range(taps - 1, -1, -1):  # from the end: a long history is not touched
+        wanted = time[-1] - SAMPLING * stride * (taps - 1 - tap)
+        while row > 0 and time[row - 1] >= wanted - 1e-7:  # the first row at or after: exact on the history's grid
+            row -= 1
+        rows[tap] = row
+    return rows
 
 
 def mirror_signs(names: Sequence[str]) -> Array:
@@ -92,32 +132,46 @@ def mirror_signs(names: Sequence[str]) -> Array:
     return np.array([float(INPUTS[name].mirror) for name in names])
 
 
-def _additional_features(
-    states: BodyStates, water: Water, motion: HorizontalMotion, flow: dict[str, Array]
-) -> dict[str, Array]:  # fmt: skip
-    """Return all features that are not among the flow states of Eq. (7); `flow` holds those."""
-    rotation = states.rotation
-    heading, cos, sin, forward, lateral = motion
-    current_x, current_y, _ = water.velocity
-    angular_velocity = np.einsum("nbij,nbi->nbj", rotation, states.angular_velocity)  # body axes
-    steering = np.arctan2(np.sin(heading[:, 1:3] - heading[:, :1]), np.cos(heading[:, 1:3] - heading[:, :1]))
+@cache
+def _columns(names: tuple[str, ...]) -> NDArray[np.intp]:
+    """Return the places of features in `INPUTS`."""
+    known = list(INPUTS)
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise ValueError(f"network input {unknown[0]!r} is not known; use {', '.join(known)}.")
+    return np.array([known.index(name) for name in names], np.intp)
 
-    def for_all_bodies(value: Array) -> Array:
-        return np.broadcast_to(value[:, None], heading.shape)
 
-    return {
-        "forward_flow": forward - cos * current_x - sin * current_y,
-        "lateral_flow": lateral - cos * current_y + sin * current_x,
-        "forward_speed": forward,
-        "lateral_speed": lateral,
-        "yaw_rate": states.angular_velocity[..., 2],
-        "roll_rate": angular_velocity[..., 0],
-        "pitch_rate": angular_velocity[..., 1],
-        "heave_rate": states.velocity[..., 2],
-        "immersion": water.depth - states.position[..., 2],
-        "roll": rotation[..., 2, 1],
-        "pitch": -rotation[..., 2, 0],
-        "steering": for_all_bodies(steering.mean(axis=1)),
-        "hull_yaw_rate": for_all_bodies(states.angular_velocity[:, 0, 2]),
-        "hull_attack": for_all_bodies(flow["angle_of_attack"][:, 0]),
-    }
+@njit(cache=True, error_model="numpy")
+def _features(
+    position: Array, rotation: Array, velocity: Array, angular_velocity: Array, rows: NDArray[np.intp], still: bool,
+    water: tuple[float, float, float], columns: NDArray[np.intp],
+) -> Array:  # fmt: skip
+    """Return features by their places in `INPUTS`; `water` is its depth, current speed and current direction."""
+    depth, current, direction = water
+    current_x, current_y = current * math.cos(direction), current * math.sin(direction)
+    bodies, share = rotation.shape[1], 0.0 if still else 1.0
+    chosen, every = np.empty((len(rows), bodies, len(columns))), np.empty(FEATURES)
+    for n, row in enumerate(rows):
+        headings = np.arctan2(rotation[row, :, 1, 0], rotation[row, :, 0, 0])
+        turned = headings[1:3] - headings[0]
+        every[16] = np.arctan2(np.sin(turned), np.cos(turned)).mean()
+        every[17] = share * angular_velocity[row, 0, 2]
+        every[18] = angle_of_attack(headings[0], direction)
+        for body in range(bodies):
+            turn, v, w = rotation[row, body], share * velocity[row, body], share * angular_velocity[row, body]
+            motion, speed = horizontal_motion(turn, v), math.hypot(v[0], v[1])
+            every[0], every[1] = sideslip_angle(motion, speed), angle_of_attack(motion.heading, direction)
+            every[2], every[3], every[4] = speed, current, depth
+            every[5] = motion.forward - motion.cos * current_x - motion.sin * current_y
+            every[6] = motion.lateral - motion.cos * current_y + motion.sin * current_x
+            every[7], every[8] = motion.forward, motion.lateral
+            every[9] = w[2]
+            every[10] = turn[0, 0] * w[0] + turn[1, 0] * w[1] + turn[2, 0] * w[2]
+            every[11] = turn[0, 1] * w[0] + turn[1, 1] * w[1] + turn[2, 1] * w[2]
+            every[12] = v[2]
+            every[13] = depth - position[row, body, 2]
+            every[14], every[15] = turn[2, 1], -turn[2, 0]
+            for place, column in enumerate(columns):
+                chosen[n, body, place] = every[column]
+    return chosen

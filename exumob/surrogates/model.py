@@ -8,20 +8,21 @@ answer (`RELAXED_STEP`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from numba import njit
 
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
-from exumob.surrogates.inputs import network_inputs
-from exumob.surrogates.networks import SAMPLING, TRAINED_DENSITY, Architecture, NetworkSet, window_rows
+from exumob.surrogates.inputs import SAMPLING, network_inputs, window_rows
+from exumob.surrogates.network_kernels import mean_and_spread
+from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, NetworkSet
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
@@ -111,21 +112,16 @@ class SurrogateHydrodynamics:
         if water is None:
             return np.zeros((5, 6))
         base = None if self._coefficients is None else self._coefficients.wrenches(history, predict)
-        if len(history) == 1:  # no past: it settles, or is about to be released
-            history = _with_zero_velocities(history)
         members, excess = self._answers(history, water, base)
-        learnt = members.mean(axis=0) if base is None else members.mean(axis=0) - base
+        mean, spread = mean_and_spread(members)
+        learnt = mean if base is None else mean - base
         if self._relaxed and self._last_learnt is not None and len(history) > 1:
             learnt = 0.5 * (learnt + self._last_learnt)
         self._last_learnt = learnt
-        wrenches = learnt if base is None else learnt + base
-        share = np.zeros(5)
-        if self.fallback:
-            assert base is not None
-            share = _fallback_share(excess)
-            wrenches = (1.0 - share[:, None]) * wrenches + share[:, None] * base
+        share = _fallback_share(excess) if self.fallback else np.zeros(5)
+        wrenches = learnt if base is None else base + (1.0 - share)[:, None] * learnt
         self._times.append(float(history.time[-1]))
-        self._spread.append(members.std(axis=0, ddof=1) if len(members) > 1 else np.zeros((5, 6)))
+        self._spread.append(spread)
         self._excess.append(excess)
         self._fallback.append(share)
         return wrenches
@@ -140,24 +136,25 @@ class SurrogateHydrodynamics:
         array, shape (5, 2)
             Excess over the training range (`NetworkSet.excess`), mean of the members [-].
         """
-        at_rest = np.hypot(history.velocity[-1, 0, 0], history.velocity[-1, 0, 1]) < MOVING_SPEED
-        members, excess = [], []
+        still = len(history) == 1  # no past: it settles, or is about to be released
+        at_rest = still or math.hypot(*history.velocity[-1, 0, :2]) < MOVING_SPEED
+        members, excess = np.empty((len(self.networks), 5, 6)), np.empty((len(self.networks), 5, 2))
+        first = 0
         for networks, count in self._groups:
-            architecture = networks.architecture
+            group, architecture = slice(first, first + count), networks.architecture
             rows = window_rows(history.time, architecture.taps, architecture.stride)
-            inputs = np.moveaxis(network_inputs(_select_rows(history, rows), water, architecture.inputs), 0, 1)
-            window = np.tile(inputs, (count, 1, 1))
-            wrenches = networks.wrenches(window).reshape(count, 5, 6) * (water.density / TRAINED_DENSITY)
+            window = network_inputs(history, water, architecture.inputs, rows, still=still).transpose(1, 0, 2)
+            loads = networks.wrenches(window).reshape(count, 5, 6) * (water.density / TRAINED_DENSITY)
             if architecture.base == "coefficients":
                 assert base is not None
-                wrenches = wrenches + base
-            members.append(wrenches)
+                loads += base
+            members[group] = loads
             present = window[:, -1]
-            if at_rest:
-                now = _with_zero_velocities(_select_rows(history, np.array([-1])))
-                present = np.tile(network_inputs(now, water, architecture.inputs)[0], (count, 1))
-            excess.append(networks.excess(present).reshape(count, 5, 2))
-        return np.concatenate(members), np.concatenate(excess).mean(axis=0)
+            if at_rest and not still:
+                present = network_inputs(history, water, architecture.inputs, rows[-1:], still=True)[0]
+            excess[group] = networks.excess(present).reshape(count, 5, 2)
+            first += count
+        return members, mean_and_spread(excess)[0]
 
     def save(self, histories: bool = True) -> dict[str, Any]:
         """Return the coefficient model's state and the record, or its length only."""
@@ -221,18 +218,9 @@ def shipped_networks() -> list[Path]:
     return sorted(folder.glob("*.safetensors"))
 
 
+@njit(cache=True, error_model="numpy")
 def _fallback_share(excess: Array) -> Array:
     """Return the share of the coefficient model [-], shape (5,), for an excess of shape (5, 2)."""
-    share = np.clip((excess.max(axis=-1) - BLEND[0]) / (BLEND[1] - BLEND[0]), 0.0, 1.0)
+    worst = np.maximum(excess[:, 0], excess[:, 1])
+    share = np.minimum(np.maximum((worst - BLEND[0]) / (BLEND[1] - BLEND[0]), 0.0), 1.0)
     return share * share * (3.0 - 2.0 * share)
-
-
-def _with_zero_velocities(states: BodyStates) -> BodyStates:
-    """Return states without the small motions of settling, whose directions would be taken for sideslip angles."""
-    zero = np.zeros_like(states.velocity)
-    return replace(states, velocity=zero, angular_velocity=zero)
-
-
-def _select_rows(history: BodyStates, rows: NDArray[np.intp]) -> BodyStates:
-    """Return the states of some rows of a history."""
-    return BodyStates(*(getattr(history, name)[rows] for name in history.__dataclass_fields__))

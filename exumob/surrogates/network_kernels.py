@@ -7,6 +7,7 @@ networks as torch modules, for training: `exumob.learning.torch_networks`.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from functools import cache
 from typing import Any, NamedTuple
@@ -15,20 +16,100 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from exumob.support.arrays import Array
+
 Single = NDArray[np.float32]
 
 
+class InputScaling(NamedTuple):
+    """Scalers of the inputs and the limits at which they are held, each of shape (networks, k)."""
+
+    mean: Single
+    scale: Single
+    lowest: Single
+    highest: Single
+
+
+class TrainingRange(NamedTuple):
+    """Range of the inputs in training."""
+
+    low: Single
+    high: Single
+    width: Single
+    """Shape (networks, k)"""
+    joint_inverse: Single
+    """Inverse covariance of the scaled inputs, shape (networks, k, k)"""
+    joint_limit: Single
+    """Largest Mahalanobis distance, shape (networks,)"""
+
+
 class OutputLayers(NamedTuple):
-    """The dense layer that follows the first layer, and the linear one, of all bodies; matrices transposed."""
+    """The dense layer that follows the first layer, and the linear one, of all networks; matrices transposed."""
 
     dense_weight: Single
-    """Shape (bodies, hidden units, dense units)"""
+    """Shape (networks, hidden units, dense units)"""
     dense_bias: Single
-    """Shape (bodies, dense units)"""
+    """Shape (networks, dense units)"""
     out_weight: Single
-    """Shape (bodies, dense units, 6)"""
+    """Shape (networks, dense units, 6)"""
     out_bias: Single
-    """Shape (bodies, 6)"""
+    mean: Single
+    scale: Single
+    """Bias, and scalers of the wrenches, shape (networks, 6)"""
+
+
+@njit(cache=True, error_model="numpy")
+def _scale(inputs: Array, scaling: InputScaling, net: int, scaled: Single) -> None:
+    """Hold the inputs of a network at their limits, take off their mean and divide by their scale; nan stays nan."""
+    mean, scale, lowest, highest = scaling.mean[net], scaling.scale[net], scaling.lowest[net], scaling.highest[net]
+    for tap in range(len(scaled)):
+        for i in range(scaled.shape[1]):
+            held = np.minimum(np.maximum(inputs[tap, i], lowest[i]), highest[i])
+            scaled[tap, i] = (held - mean[i]) / scale[i]
+
+
+@njit(cache=True, error_model="numpy")
+def measure_excess(inputs: Array, trained: TrainingRange, scaling: InputScaling, excess: Array) -> None:
+    """Measure how far inputs lie outside the training range (`exumob.surrogates.networks.NetworkSet.excess`).
+
+    Parameters
+    ----------
+    inputs : array, shape (bodies, k)
+    trained : TrainingRange
+    scaling : InputScaling
+    excess : array, shape (networks, 2), changed
+        Of the worst single input, and of all jointly. Where an input is not a number, neither is.
+    """
+    z = np.empty(inputs.shape[1])
+    for net in range(len(excess)):
+        x = inputs[net % len(inputs)]
+        low, high, width, inverse = trained.low[net], trained.high[net], trained.width[net], trained.joint_inverse[net]
+        single = -np.inf
+        for i in range(x.size):
+            single = np.maximum(single, np.maximum(low[i] - x[i], x[i] - high[i]) / width[i])
+            z[i] = (x[i] - scaling.mean[net, i]) / scaling.scale[net, i]
+        square = 0.0
+        for i in range(x.size):
+            row = 0.0
+            for j in range(x.size):
+                row += inverse[i, j] * z[j]
+            square += z[i] * row
+        excess[net, 0] = single
+        excess[net, 1] = math.sqrt(np.maximum(square, 0.0)) / trained.joint_limit[net] - 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def mean_and_spread(values: Array) -> tuple[Array, Array]:
+    """Return mean and standard deviation over the first axis, shape (n, a, b) -> (a, b); 0 if n is 1."""
+    n = len(values)
+    mean = np.zeros(values.shape[1:])
+    for member in range(n):
+        mean += values[member]
+    mean /= n
+    spread = np.zeros_like(mean)
+    for member in range(n):
+        spread += (values[member] - mean) ** 2
+    return mean, np.sqrt(spread / max(n - 1, 1))
 
 
 @njit(inline="always")
@@ -67,70 +148,87 @@ def _add_product(transposed: Single, x: Single, out: Single) -> None:
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def evaluate_lstm(x: Single, w: Single, u: Single, b: Single, layers: OutputLayers, out: Single) -> None:
-    """Evaluate paper Eqs. (8) and (9), then the output layers, body by body; gates in the order i, f, c, o.
+def evaluate_lstm(
+    inputs: Array, scaling: InputScaling, w: Single, u: Single, b: Single, layers: OutputLayers, wrenches: Array
+) -> None:  # fmt: skip
+    """Evaluate paper Eqs. (8) and (9), then the output layers, network by network; gates in the order i, f, c, o.
 
     Parameters
     ----------
-    x : array, shape (bodies, taps, k)
-        Scaled inputs, oldest instant first.
-    w, u, b : arrays, shape (bodies, k, 4 n), (bodies, n, 4 n) and (bodies, 4 n)
+    inputs : array, shape (bodies, taps, k)
+        Oldest instant first, for the networks of one set after the other.
+    scaling : InputScaling
+    w, u, b : arrays, shape (networks, k, 4 n), (networks, n, 4 n) and (networks, 4 n)
         Input weights and recurrent weights, transposed (inputs first), and biases of n units.
     layers : OutputLayers
-    out : array, shape (bodies, 6), changed
-        Scaled wrenches.
+    wrenches : array, shape (networks, 6), changed
+        [N, N m]
     """
     n = u.shape[1]
+    x = np.empty(inputs.shape[1:], np.float32)
     hidden, cell, gates = np.empty(n, np.float32), np.empty(n, np.float32), np.empty(4 * n, np.float32)
     half = np.float32(0.5)
-    for body in range(x.shape[0]):
+    for net in range(len(wrenches)):
+        _scale(inputs[net % len(inputs)], scaling, net, x)
         cell[:] = 0.0
-        for tap in range(x.shape[1]):
-            gates[:] = b[body]
-            _add_product(w[body], x[body, tap], gates)
+        for tap in range(len(x)):
+            gates[:] = b[net]
+            _add_product(w[net], x[tap], gates)
             if tap > 0:  # h = 0 before
-                _add_product(u[body], hidden, gates)
+                _add_product(u[net], hidden, gates)
             for j in range(n):
                 keep = half + half * _tanh(half * gates[n + j])
                 take = half + half * _tanh(half * gates[j])
                 cell[j] = keep * cell[j] + take * _tanh(gates[2 * n + j])
             for j in range(n):
                 hidden[j] = _tanh(cell[j]) * (half + half * _tanh(half * gates[3 * n + j]))
-        _evaluate_output(hidden, layers, body, out[body])
+        _unscale(_evaluate_output(hidden, layers, net), layers, net, wrenches[net])
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def evaluate_dense(x: Single, w: Single, b: Single, layers: OutputLayers, out: Single) -> None:
+def evaluate_dense(
+    inputs: Array, scaling: InputScaling, w: Single, b: Single, layers: OutputLayers, wrenches: Array
+) -> None:  # fmt: skip
     """Evaluate the network of the ablation: a dense layer in the place of the LSTM, then the output layers.
 
     Parameters
     ----------
-    x : array, shape (bodies, taps k)
-        Scaled inputs of the whole window.
-    w, b : arrays, shape (bodies, taps k, n) and (bodies, n)
+    inputs : array, shape (bodies, taps, k)
+        Oldest instant first, for the networks of one set after the other.
+    scaling : InputScaling
+    w, b : arrays, shape (networks, taps k, n) and (networks, n)
         Weights, transposed, and biases of n units.
     layers : OutputLayers
-    out : array, shape (bodies, 6), changed
-        Scaled wrenches.
+    wrenches : array, shape (networks, 6), changed
+        [N, N m]
     """
+    x = np.empty(inputs.shape[1:], np.float32)
     hidden = np.empty(w.shape[2], np.float32)
-    for body in range(x.shape[0]):
-        hidden[:] = b[body]
-        _add_product(w[body], x[body], hidden)
+    for net in range(len(wrenches)):
+        _scale(inputs[net % len(inputs)], scaling, net, x)
+        hidden[:] = b[net]
+        _add_product(w[net], x.reshape(x.size), hidden)
         for j in range(hidden.size):
             hidden[j] = _tanh(hidden[j])
-        _evaluate_output(hidden, layers, body, out[body])
+        _unscale(_evaluate_output(hidden, layers, net), layers, net, wrenches[net])
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def _evaluate_output(hidden: Single, layers: OutputLayers, body: int, out: Single) -> None:
-    """Evaluate the dense layer and the linear one of a body."""
-    dense = layers.dense_bias[body].copy()
-    _add_product(layers.dense_weight[body], hidden, dense)
+def _evaluate_output(hidden: Single, layers: OutputLayers, net: int) -> Single:
+    """Return the answer of a network's dense layer and of its linear one."""
+    dense, out = layers.dense_bias[net].copy(), layers.out_bias[net].copy()
+    _add_product(layers.dense_weight[net], hidden, dense)
     for j in range(dense.size):
         dense[j] = _tanh(dense[j])
-    out[:] = layers.out_bias[body]
-    _add_product(layers.out_weight[body], dense, out)
+    _add_product(layers.out_weight[net], dense, out)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _unscale(out: Single, layers: OutputLayers, net: int, wrench: Array) -> None:
+    """Bring a network's answer to its units."""
+    for i in range(wrench.size):
+        wrench[i] = out[i] * layers.scale[net, i] + layers.mean[net, i]
 
 
 def evaluate_batch(scaled: Single, weights: Mapping[str, Single], recurrent: bool) -> Single:

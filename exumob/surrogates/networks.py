@@ -14,32 +14,32 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared
 from exumob.support.files import atomic_write
 from exumob.support.quantities import Quantity, shown
-from exumob.surrogates.inputs import INPUTS, PAPER_INPUTS
+from exumob.surrogates.inputs import INPUTS, PAPER_INPUTS, SAMPLING
 from exumob.surrogates.network_kernels import (
+    InputScaling,
     OutputLayers,
     Single,
+    TrainingRange,
     evaluate_batch,
     evaluate_dense,
     evaluate_lstm,
     exponents,
+    measure_excess,
     monomials,
 )
-from exumob.vehicle.motion import BODIES, HISTORY_STEP, WRENCH_COMPONENTS
+from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.mesh_file import mesh_digest
 
 FORMAT, VERSION = "exumob networks", 1
-SAMPLING = HISTORY_STEP
-"""Interval of the instants from which an input window is taken [s]."""
 TRAINED_DENSITY = 1000.0
 """Density of the water to which the wrenches in training are brought [kg/m^3]; they are proportional to it."""
 EDGE = 0.05
@@ -99,15 +99,6 @@ class Architecture(Declared):
         if self.layer == "lstm":
             first = {"W": (4 * h, k), "U": (4 * h, h), "b": (4 * h,)}
         return first | {"dense_weight": (d, h), "dense_bias": (d,), "out_weight": (n, d), "out_bias": (n,)}
-
-
-class InputScaling(NamedTuple):
-    """Scalers of the inputs and the limits at which they are held, each of shape (5, 1, k)."""
-
-    mean: Single
-    scale: Single
-    lowest: Single
-    highest: Single
 
 
 @dataclass(frozen=True)
@@ -200,20 +191,20 @@ class NetworkSet:
 
         Inputs outside their training range are first held a little outside it (`EDGE`): networks do not extrapolate.
         """
-        scaling = self._scaling
-        return np.asarray((np.clip(inputs, scaling.lowest, scaling.highest) - scaling.mean) / scaling.scale, np.float32)
+        mean, scale, lowest, highest = (values[:, None, :] for values in self._scaling)
+        return np.asarray((np.clip(inputs, lowest, highest) - mean) / scale, np.float32)
 
     @cached_property
     def _scaling(self) -> InputScaling:
         """Scalers of the inputs and the limits at which they are held."""
         mean, scale, low, high = (
-            self.arrays[name][:, None, :] for name in ("input_mean", "input_scale", "input_low", "input_high")
+            self.arrays[name] for name in ("input_mean", "input_scale", "input_low", "input_high")
         )
         edge = EDGE * (high - low)
         return InputScaling(mean, scale, low - edge, high + edge)
 
     def wrenches(self, inputs: Array) -> Array:
-        """Return the wrenches of the five networks for one instant.
+        """Return the wrenches of the networks for one instant.
 
         Parameters
         ----------
@@ -222,22 +213,21 @@ class NetworkSet:
 
         Returns
         -------
-        array, shape (5, 6)
-            Force [N] and moment [N m], body axes; without those of the base model.
+        array, shape (5, 6); (5 sets, 6) if several are `stacked`
+            Force [N] and moment [N m], body axes; without those of the base model. All nan if an input is not finite.
         """
-        scaled = self.scaled(inputs)
-        arrays, architecture = self.arrays, self.architecture
-        out = np.empty((len(scaled), len(WRENCH_COMPONENTS)), np.float32)
-        if architecture.layer == "polynomial":
-            terms = monomials(scaled[:, 0], architecture.degree)
-            out = np.einsum("bt,btn->bn", terms, arrays["coefficients"])
-        elif architecture.layer == "lstm":
-            weights = self._transposed
-            evaluate_lstm(scaled, weights["W"], weights["U"], arrays["b"], self._output_layers, out)
+        networks = len(self._scaling.mean)
+        if not np.isfinite(inputs).all():  # the kernels' arithmetic would lose it
+            return np.full((networks, len(WRENCH_COMPONENTS)), np.nan)
+        if self.architecture.layer == "polynomial":
+            return self.batch_wrenches(np.tile(inputs, (networks // len(inputs), 1, 1))[None])[0]
+        weights, bias, layers = self._transposed, self.arrays["b"], self._output_layers
+        wrenches = np.empty((networks, len(WRENCH_COMPONENTS)))
+        if self.architecture.layer == "lstm":
+            evaluate_lstm(inputs, self._scaling, weights["W"], weights["U"], bias, layers, wrenches)
         else:
-            weights = self._transposed
-            evaluate_dense(scaled.reshape(len(scaled), -1), weights["W"], arrays["b"], self._output_layers, out)
-        return np.asarray(out * arrays["output_scale"] + arrays["output_mean"], float)
+            evaluate_dense(inputs, self._scaling, weights["W"], bias, layers, wrenches)
+        return wrenches
 
     @cached_property
     def _transposed(self) -> dict[str, Single]:
@@ -249,7 +239,10 @@ class NetworkSet:
     def _output_layers(self) -> OutputLayers:
         """The dense layer and the linear one, as the kernels read them."""
         weights, arrays = self._transposed, self.arrays
-        return OutputLayers(weights["dense_weight"], arrays["dense_bias"], weights["out_weight"], arrays["out_bias"])
+        return OutputLayers(
+            weights["dense_weight"], arrays["dense_bias"], weights["out_weight"], arrays["out_bias"],
+            arrays["output_mean"], arrays["output_scale"],
+        )  # fmt: skip
 
     def batch_wrenches(self, inputs: Array, batch: int = 2048) -> Array:
         """Return `wrenches` for n instants at once, by matrix products; shape (n, 5, taps, k) -> (n, 5, 6)."""
@@ -269,22 +262,26 @@ class NetworkSet:
 
         Parameters
         ----------
-        inputs : array, shape (..., 5, k)
+        inputs : array, shape (5, k)
             Inputs of one instant.
 
         Returns
         -------
-        array, shape (..., 5, 2)
+        array, shape (5, 2); (5 sets, 2) if several are `stacked`
             The worst single input: its distance from its range, over the range's width. All inputs jointly: their
             Mahalanobis distance over the largest in training, less 1. Both are at most 0 inside the range.
         """
-        low, high = self.arrays["input_low"], self.arrays["input_high"]
-        width = np.maximum(high - low, 1e-3 * self.arrays["input_scale"])
-        single = (np.maximum(low - inputs, inputs - high) / width).max(axis=-1)
-        scaled = (inputs - self.arrays["input_mean"]) / self.arrays["input_scale"]
-        square = np.einsum("...bi,bij,...bj->...b", scaled, self.arrays["joint_inverse"], scaled)
-        joint = np.sqrt(np.maximum(square, 0.0)) / self.arrays["joint_limit"] - 1.0
-        return np.stack([single, joint], axis=-1)
+        excess = np.empty((len(self._range.low), 2))
+        measure_excess(inputs, self._range, self._scaling, excess)
+        return excess
+
+    @cached_property
+    def _range(self) -> TrainingRange:
+        """Range of the inputs in training, as the kernel reads it."""
+        low, high, inverse, limit = (
+            self.arrays[name] for name in ("input_low", "input_high", "joint_inverse", "joint_limit")
+        )
+        return TrainingRange(low, high, np.maximum(high - low, 1e-3 * self.arrays["input_scale"]), inverse, limit)
 
 
 def geometry(vehicle: Vehicle) -> dict[str, Any]:
@@ -298,25 +295,6 @@ def geometry(vehicle: Vehicle) -> dict[str, Any]:
     if vehicle.hull.mesh is not None:
         found["hull.mesh"] = f"contents {mesh_digest(vehicle.hull)[:16]}"  # a path does not say which shape
     return found
-
-
-def window_rows(time: Array, taps: int, stride: int) -> NDArray[np.intp]:
-    """Return the rows of a history that form the input window, oldest first.
-
-    The rows are found by their time, whatever the steps; for instants before the first row the first one is taken.
-
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Times of the rows [s].
-    taps : int
-        Instants in the window.
-    stride : int
-        Interval between them [ms].
-    """
-    wanted = time[-1] - SAMPLING * stride * np.arange(taps - 1, -1, -1)
-    rows = np.searchsorted(time, wanted - 1e-7)  # the first row at or after: exact on the grid of the history
-    return np.asarray(np.clip(rows, 0, len(time) - 1))
 
 
 def write_arrays(path: Path, header: dict[str, Any], arrays: dict[str, Single]) -> None:

@@ -21,7 +21,6 @@ from exumob.driving.path_following import PathFollowing
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.simulation.checks import check_steps
-from exumob.simulation.cost import require_room
 from exumob.simulation.description import RunDescription, Steps
 from exumob.simulation.run import simulate
 from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, SETTINGS, setting_named
@@ -387,7 +386,6 @@ class Experiment(Declared):
         macro = setting.macro_step if self.macro_step is None else self.macro_step
         steps = Steps(duration=self.duration, micro_step=micro, macro_step=macro, record_step=self.record_step)
         check_steps(steps)
-        require_room(steps)
 
     def run(self) -> xr.Dataset:
         """Simulate the experiment; see `exumob.simulate`."""

@@ -189,7 +189,7 @@ class Suspension(Declared):
 
     stiffness: Annotated[float, Quantity("N/m", above=0.0, at_most=1e12, plausible=(5.0, 1e8))]
     """Rate of the spring"""
-    damping: Annotated[float, Quantity("N s/m", at_least=0.0, at_most=1e7, plausible=(0.05, 1e6))]
+    damping: Annotated[float, Quantity("N s/m", at_least=0.0, at_most=1e7, plausible=(0.0, 1e6))]
     """Rate of the damper"""
     upright_mass: Annotated[float, Quantity("kg", above=0.0, at_most=1e6, plausible=(2e-3, 2e3))]
     """Mass of the upright, which steers and does not spin"""

@@ -14,8 +14,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, Solid, sphere
+from exumob.support.declared import checked
 from exumob.verification.check import Case, Check, absolute, at_least, relative, reported
 from exumob.verification.measures import observed_order
+from exumob.verification.options import Cells, CellSize
 from exumob.verification.single_body import loads_over, one_pose
 from exumob.water.conditions import Water
 
@@ -23,7 +25,8 @@ PLACES = ((0.0, 0.0, 0.0), (0.25, 0.1, 0.3), (0.5, 0.0, 0.0), (0.5, 0.5, 0.5))
 """Places of a solid's centre within a cell [cells], shape (n, 3)."""
 
 
-def sphere_added_mass(cells: float, place: Sequence[float] = (0.0, 0.0, 0.0)) -> float:
+@checked
+def sphere_added_mass(cells: Cells, place: Sequence[float] = (0.0, 0.0, 0.0)) -> float:
     """Added mass of an accelerated sphere over the mass of its volume of water; 0.5 in unbounded water.
 
     The basin's walls are nine radii away, which adds about 0.2 %.
@@ -70,7 +73,8 @@ def check_sphere_added_mass() -> list[Check]:
     return checks
 
 
-def surface_added_mass(solid: Solid, half_width: float, draught: float, displaced: float, cell_size: float,
+@checked
+def surface_added_mass(solid: Solid, half_width: float, draught: float, displaced: float, cell_size: CellSize,
                        depth: float, shift: float = 0.0) -> float:  # fmt: skip
     """Added mass in heave at infinite frequency (p = 0 on the surface) over the mass of water displaced.
 
@@ -112,14 +116,16 @@ def surface_added_mass(solid: Solid, half_width: float, draught: float, displace
     return float((loads[-1, 2] - buoyancy) / (10.0 * 1000.0 * displaced))
 
 
-def floating_sphere_added_mass(cells: float, shift: float = 0.0) -> float:
+@checked
+def floating_sphere_added_mass(cells: Cells, shift: float = 0.0) -> float:
     """Heave of a half submerged sphere at infinite frequency: 0.5 (Hulme, J. Fluid Mech. 121 (1982) 443)."""
     radius = 0.1
     volume = 2.0 / 3.0 * math.pi * radius**3
     return surface_added_mass(sphere(radius), radius, radius, volume, radius / cells, 0.7, shift)
 
 
-def check_floating_added_mass(cells: float = 6.0) -> list[Check]:
+@checked
+def check_floating_added_mass(cells: Cells = 6.0) -> list[Check]:
     """A half submerged sphere at four places of the level within a cell; limit as for the sphere in the depth."""
     values = [floating_sphere_added_mass(cells, shift) for shift in (0.0, 0.25, 0.5, 0.75)]
     worst = max(values, key=lambda value: abs(value - 0.5))

@@ -16,9 +16,11 @@ import numpy as np
 from exumob.flow import Grid
 from exumob.flow.settings import SurfaceTransport
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.verification.check import Case, Check, absolute, at_least, relative, reported
 from exumob.verification.initial import TANK, centers, hump, started
 from exumob.verification.measures import crossing_period, fitted_order
+from exumob.verification.options import CellSize, Interval
 from exumob.water.conditions import Water
 
 
@@ -55,10 +57,11 @@ class Sloshing(NamedTuple):
     """Range of the fraction [-]"""
 
 
+@checked
 def slosh(
     level: float,
-    cell: float,
-    dt: float,
+    cell: CellSize,
+    dt: Interval,
     amplitude: float = 0.004,
     periods: float = 2.0,
     surface: SurfaceTransport = "thinc",

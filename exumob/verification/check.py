@@ -6,12 +6,12 @@ import inspect
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from exumob.support.declared import Declared
+from exumob.support.quantities import Quantity
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def reported(name: str, value: float, reference: float = float("nan"), unit: str
 
 
 @dataclass(frozen=True)
-class Case:
+class Case(Declared):
     """A question to the flow solver: a run, or a few, and the checks that answer it.
 
     Parameters
@@ -89,15 +89,15 @@ class Case:
     slow : bool
         Left out unless asked for.
     figure : callable, optional
-        Draws the case; it takes the same parameters as `run`.
+        Draws the case: takes the same parameters as `run`, returns the figure.
     """
 
     name: str
     about: str
     run: Callable[..., Sequence[Check]]
-    minutes: float
+    minutes: Annotated[float, Quantity("min", above=0.0)]
     slow: bool = False
-    figure: Callable[..., Figure] | None = None
+    figure: Callable[..., Any] | None = None
 
     @property
     def question(self) -> str:

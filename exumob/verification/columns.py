@@ -23,7 +23,9 @@ import numpy as np
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box, cylinder
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.verification.check import Case, Check, absolute, relative, reported
+from exumob.verification.options import Cells, Duration
 from exumob.water.conditions import Water
 
 WIDTH, DEPTH = 0.1, 0.2
@@ -53,7 +55,8 @@ class Column:
         return float(values[len(values) // 2 :].mean())
 
 
-def column(shape: str, speed: float, cells: float = 6.0, duration: float = 30.0) -> Column:
+@checked
+def column(shape: str, speed: float, cells: Cells = 6.0, duration: Duration = 30.0) -> Column:
     """Column held in a current, on a grid fixed in the world.
 
     Parameters
@@ -115,7 +118,8 @@ def disturb(solver: FlowSolver, speed: float) -> None:
     solver.set_flow(velocity=(along, 0.5 * speed * part * across * np.ones((1, nz, 1)), np.zeros((ny, nz + 1, nx))))
 
 
-def check_column(shape: str, cells: float = 6.0, duration: float = 30.0) -> list[Check]:
+@checked
+def check_column(shape: str, cells: Cells = 6.0, duration: Duration = 30.0) -> list[Check]:
     """Mean drag within 25 %, head at the front within 10 % of the velocity head."""
     checks = []
     for speed in SPEEDS:

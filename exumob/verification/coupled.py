@@ -22,6 +22,7 @@ from exumob.coupling.strong import Strong
 from exumob.flow import FlowSolver, Grid, Poses, box, sphere
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.support.errors import SimulationError
 from exumob.verification.check import Case, Check, absolute, at_least, relative, reported
 from exumob.verification.floating import (
@@ -38,6 +39,7 @@ from exumob.verification.free_body import FreeBody, TankWater, uniform_box_inert
 from exumob.verification.initial import VISCOUS_TANK
 from exumob.verification.measures import fitted_oscillation
 from exumob.verification.momentum import wall_force, water_momentum
+from exumob.verification.options import CellSize, Duration, Interval
 from exumob.water.conditions import Water
 
 SCHEMES: tuple[Coupling, ...] = (SemiImplicit(renewal=0.2), Strong(), Strong(method="aitken"))
@@ -49,7 +51,8 @@ def named(scheme: Coupling) -> str:
     return {"aitken": "Aitken", "iqn-ils": "IQN-ILS"}.get(getattr(scheme, "method", ""), type(scheme).__name__)
 
 
-def run(body: FreeBody, solver: FlowSolver, scheme: Coupling, duration: float, dt: float) -> tuple[Array, Array]:
+@checked
+def run(body: FreeBody, solver: FlowSolver, scheme: Coupling, duration: Duration, dt: Interval) -> tuple[Array, Array]:
     """Positions [m] and velocities [m/s] of a body after every macro step, shape (n + 1, 3) each."""
     water = TankWater(solver)
     scheme.start()
@@ -80,7 +83,8 @@ def sphere_in_tank(density_ratio: float, height: float, depth: float) -> tuple[F
     return FreeBody(mass, np.full(3, 0.4 * mass * radius**2), (0.0, 0.0, height)), solver, displaced
 
 
-def check_free_fall(dt: float = 2e-3) -> list[Check]:
+@checked
+def check_free_fall(dt: Interval = 2e-3) -> list[Check]:
     """A sphere in air, then two in water: one three times lighter, one twice as heavy as what it displaces."""
     checks = []
     body, solver, _ = sphere_in_tank(0.5, 0.6, 0.2)
@@ -104,7 +108,8 @@ LIGHT_DRAUGHT, LIGHT_HEIGHT = 0.04, 0.10
 """Draught and height of a flat box, 0.4 m by 0.3 m [m]: its added mass is about twice its mass."""
 
 
-def light_box(cell_size: float) -> tuple[FreeBody, FlowSolver, float]:
+@checked
+def light_box(cell_size: CellSize) -> tuple[FreeBody, FlowSolver, float]:
     """The box 10 mm above its place of rest, and that place [m]."""
     solid = box(LENGTH, WIDTH, LIGHT_HEIGHT)
     mass = 1000.0 * LENGTH * WIDTH * LIGHT_DRAUGHT
@@ -116,7 +121,8 @@ def light_box(cell_size: float) -> tuple[FreeBody, FlowSolver, float]:
     return FreeBody(mass, uniform_box_inertia(mass, solid), (0.0, 0.0, rest + 0.01)), solver, rest
 
 
-def check_light_box(cell_size: float = 0.03, dt: float = 2e-3) -> list[Check]:
+@checked
+def check_light_box(cell_size: CellSize = 0.03, dt: Interval = 2e-3) -> list[Check]:
     """Explicit grows, the others do not, and agree."""
     body, solver, rest = light_box(cell_size)
     speeds = [0.0]
@@ -162,7 +168,8 @@ def check_light_box(cell_size: float = 0.03, dt: float = 2e-3) -> list[Check]:
 # -- heave of the floating box ----------------------------------------------------------------------------------------
 
 
-def check_heave(cell_size: float = 0.025, dt: float = 5e-3) -> list[Check]:
+@checked
+def check_heave(cell_size: CellSize = 0.025, dt: Interval = 5e-3) -> list[Check]:
     """The box of `floating`, free in all six directions: period of linear theory."""
     checks = []
     for scheme in (SemiImplicit(), Strong()):
@@ -182,7 +189,8 @@ def check_heave(cell_size: float = 0.025, dt: float = 5e-3) -> list[Check]:
 # -- momentum ---------------------------------------------------------------------------------------------------------
 
 
-def coupled_momentum_gap(scheme: Coupling, duration: float = 0.3, dt: float = 2e-3) -> float:
+@checked
+def coupled_momentum_gap(scheme: Coupling, duration: Duration = 0.3, dt: Interval = 2e-3) -> float:
     """Box pulled along a closed tank by a constant force: momentum of water and box less all impulses, over the pull's.
 
     The box, neutrally buoyant, is free in all six directions; the tank is that of `momentum.momentum_gap`.

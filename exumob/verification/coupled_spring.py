@@ -7,6 +7,7 @@ Limits, written down first: order 1.8 with loads held over a step and 2.6 with l
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Annotated
 
 import numpy as np
 import xarray as xr
@@ -16,10 +17,13 @@ from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.coupling.strong import Strong
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.motion import BodyStates
 from exumob.verification.check import Case, Check, at_least, reported
 from exumob.verification.coupled import named
 from exumob.verification.free_body import FreeBody
+from exumob.verification.options import Interval
 
 
 class SpringWater:
@@ -28,7 +32,14 @@ class SpringWater:
     Its force is the mean of -k z - A z'' + weight over the step, which is exact for cubic motion.
     """
 
-    def __init__(self, mass: float, stiffness: float, added_mass: float, offset: float) -> None:
+    @checked
+    def __init__(
+        self,
+        mass: Annotated[float, Quantity("kg", above=0.0)],
+        stiffness: Annotated[float, Quantity("N/m", above=0.0)],
+        added_mass: Annotated[float, Quantity("kg", at_least=0.0)],
+        offset: Annotated[float, Quantity("m")],
+    ) -> None:
         self.mass, self.stiffness, self.added_mass = mass, stiffness, added_mass
         self.state = 0.0, offset, 0.0
 
@@ -59,7 +70,8 @@ class SpringWater:
         return {}
 
 
-def spring_error(scheme: Coupling, step: float, ratio: float) -> float:
+@checked
+def spring_error(scheme: Coupling, step: Interval, ratio: Annotated[float, Quantity("1", at_least=0.0)]) -> float:
     """Largest error of the place over the amplitude in 0.5 s of heave at 3 Hz, added mass over mass `ratio`."""
     mass, omega, offset = 10.0, 6.0 * np.pi, 0.01
     water = SpringWater(mass, mass * (1.0 + ratio) * omega**2, ratio * mass, offset)

@@ -19,14 +19,17 @@ from exumob.driving.maneuver import LaneChange
 from exumob.ground.soil import Soil
 from exumob.simulation.run import simulate
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.support.errors import SimulationError
 from exumob.verification.check import Case, Check, absolute, at_least, reported
 from exumob.verification.coupled import named
+from exumob.verification.options import CellSize, Interval
 from exumob.verification.runs import paper_vehicle
 from exumob.water.conditions import Water
 
 
-def vehicle_run(scheme: Coupling, macro_step: float, cell_size: float = 0.04) -> xr.Dataset:
+@checked
+def vehicle_run(scheme: Coupling, macro_step: Interval, cell_size: CellSize = 0.04) -> xr.Dataset:
     """0.4 s of a sharp start with steering, 60 % depth against 1 m/s, coarse; a run that breaks is cut there."""
     maneuver = LaneChange(amplitude=np.radians(25.0), start=0.1, end=0.6, ramp_time=0.2)
     try:

@@ -16,9 +16,11 @@ import numpy as np
 from exumob.flow import FlowSolver, Grid, Poses, box
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.support.quantities import unusual
 from exumob.verification.check import Case, Check, absolute, relative, reported
 from exumob.verification.initial import VISCOUS_TANK, centers
+from exumob.verification.options import CellSize, WholeCells
 from exumob.water.conditions import Water
 
 DATA = files("exumob.verification") / "data"
@@ -59,7 +61,8 @@ def martin_moyce(table: str) -> Array:
     return np.array([line.split(",")[1:] for line in lines if line.startswith(table + ",")], dtype=float).T
 
 
-def collapse(cells: int) -> Collapse:
+@checked
+def collapse(cells: WholeCells) -> Collapse:
     """Column of Martin & Moyce, n^2 = 2, with `cells` cells to its width, until T = 3.4."""
     size = COLUMN / cells
     grid = Grid.uniform((0, 0, 0), (5 * COLUMN, 4 * size, 2.6 * COLUMN), size)
@@ -82,7 +85,8 @@ def collapse(cells: int) -> Collapse:
     return Collapse(times, np.array(fronts), np.array(heights), volume_error, overshoot)
 
 
-def check_martin_moyce(cells: int) -> list[Check]:
+@checked
+def check_martin_moyce(cells: WholeCells) -> list[Check]:
     """Front and height of the column.
 
     Limits: slope of Z(T) between 1.6 and 4 within 8 % of 1.36; times of passage within 0.12 once the one shift is taken
@@ -123,7 +127,8 @@ def spheric2(probe: str) -> tuple[Array, Array]:
     return time, pressure
 
 
-def fitted_faces(knots: list[float], cell_size: float) -> Array:
+@checked
+def fitted_faces(knots: list[float], cell_size: CellSize) -> Array:
     """Faces [m] of nearly equal width that include all knots [m]."""
     parts = [np.array(knots[:1])]
     for low, high in itertools.pairwise(knots):
@@ -131,7 +136,8 @@ def fitted_faces(knots: list[float], cell_size: float) -> Array:
     return np.concatenate(parts)
 
 
-def dam_break_solver(cell_size: float) -> tuple[FlowSolver, int, int]:
+@checked
+def dam_break_solver(cell_size: CellSize) -> tuple[FlowSolver, int, int]:
     """Start SPHERIC test 2: the column of water behind the gate, the box before it.
 
     Returns
@@ -157,7 +163,8 @@ def dam_break_solver(cell_size: float) -> tuple[FlowSolver, int, int]:
     return solver, i, j
 
 
-def box_pressures(cell_size: float, until: float = IMPULSE_END) -> tuple[Array, Pressures, Pressures]:
+@checked
+def box_pressures(cell_size: CellSize, until: float = IMPULSE_END) -> tuple[Array, Pressures, Pressures]:
     """Run SPHERIC test 2 and return the pressure at the probes on the box's struck face.
 
     The solver spreads a wall over about a cell, so the pressure is that of the first fully wet cells in front of the
@@ -215,7 +222,8 @@ def impulse(time: Array, pressure: Array) -> float:
     return float(np.trapezoid(np.interp(t, time, pressure), t))
 
 
-def check_spheric2(cell_size: float) -> list[Check]:
+@checked
+def check_spheric2(cell_size: CellSize) -> list[Check]:
     """Arrival within 5 %, impulse within 15 %; peaks are reported (they depend on the cell and on the probe's size)."""
     time, pressures, at_face = box_pressures(cell_size)
     checks = []

@@ -24,8 +24,10 @@ import numpy as np
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.verification.check import Case, Check, absolute, reported
 from exumob.verification.initial import TANK, centers, filled_to, hump, started
+from exumob.verification.options import CellSize
 from exumob.water.conditions import Water
 
 DEPTH = 0.12
@@ -180,7 +182,8 @@ def drift() -> list[Check]:
     return checks
 
 
-def towed_box(speed: float, cell: float = 0.05, ahead: float = 1.8, aside: float = 1.5, top: float = 0.45) -> Array:
+@checked
+def towed_box(speed: float, cell: CellSize = 0.05, ahead: float = 1.8, aside: float = 1.5, top: float = 0.45) -> Array:
     """Box of 0.6 x 0.3 m, 0.06 m deep in the water, held in a current along -x for 8 s; cells half as high as long.
 
     Returns

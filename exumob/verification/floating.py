@@ -20,8 +20,10 @@ import numpy as np
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.verification.check import Case, Check, absolute, relative, reported
 from exumob.verification.measures import extremes, fitted_oscillation
+from exumob.verification.options import CellSize, Duration, Interval
 from exumob.verification.single_body import one_pose
 from exumob.water.conditions import Water
 
@@ -54,7 +56,8 @@ def heave_period() -> float:
     return 2.0 * math.pi / (undamped * math.sqrt(1.0 - DAMPING_RATIO**2))
 
 
-def floating_box_solver(cell_size: float, reach: float = 1.8) -> FlowSolver:
+@checked
+def floating_box_solver(cell_size: CellSize, reach: float = 1.8) -> FlowSolver:
     """The box in water with absorbing sides; see `released_box`."""
     core = np.array([0.5 * LENGTH + 0.1, 0.5 * WIDTH + 0.1])
     grid = Grid.stretched(
@@ -65,8 +68,9 @@ def floating_box_solver(cell_size: float, reach: float = 1.8) -> FlowSolver:
     )  # fmt: skip
 
 
+@checked
 def released_box(
-    offset: float, duration: float, cell_size: float = 0.025, dt: float = 5e-3, reach: float = 1.8
+    offset: float, duration: Duration, cell_size: CellSize = 0.025, dt: Interval = 5e-3, reach: float = 1.8
 ) -> Heave:
     """Box released at rest at `offset` [m] above its place of rest, in water with absorbing sides.
 
@@ -115,7 +119,8 @@ def released_box(
     return Heave(np.array(dt * np.arange(steps + 1), dtype=float), np.array(offsets), trials / steps)
 
 
-def check_decay(cell_size: float = 0.025, dt: float = 5e-3) -> list[Check]:
+@checked
+def check_decay(cell_size: CellSize = 0.025, dt: Interval = 5e-3) -> list[Check]:
     """Released 10 mm too high: period within 2 % of linear theory, every swing smaller than the one before."""
     run = released_box(0.01, 2.4, cell_size, dt)
     later = run.time >= 0.25 * heave_period()  # the waves that the release makes are another matter
@@ -132,7 +137,8 @@ def check_decay(cell_size: float = 0.025, dt: float = 5e-3) -> list[Check]:
     ]  # fmt: skip
 
 
-def check_settling(cell_size: float = 0.025, dt: float = 5e-3) -> list[Check]:
+@checked
+def check_settling(cell_size: CellSize = 0.025, dt: Interval = 5e-3) -> list[Check]:
     """Released half submerged, 30 mm above its place of rest: the mean draught of the last period within 1 %."""
     run = released_box(DRAUGHT - 0.5 * HEIGHT, 5.0, cell_size, dt)
     last = run.offset[-round(heave_period() / dt) :]

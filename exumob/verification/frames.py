@@ -13,10 +13,12 @@ from scipy.interpolate import RegularGridInterpolator
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, sphere
 from exumob.support.arrays import Array
+from exumob.support.declared import checked
 from exumob.support.rotations import about_z
 from exumob.verification.check import Case, Check, absolute, at_least, reported
 from exumob.verification.initial import centers, filled_to, hump
 from exumob.verification.measures import fitted_order
+from exumob.verification.options import Duration, Interval
 from exumob.verification.single_body import one_pose
 from exumob.water.conditions import Water
 
@@ -35,8 +37,9 @@ def steady_motion(speed: Sequence[float] | Array, yaw_rate: float, height: float
     return pose
 
 
+@checked
 def spread(
-    grid: Grid, water: Water, speed: Sequence[float] | Array, yaw_rate: float, duration: float, dt: float,
+    grid: Grid, water: Water, speed: Sequence[float] | Array, yaw_rate: float, duration: Duration, dt: Interval,
     middle: tuple[float, float] = (0.0, 0.0),
 ) -> FlowSolver:  # fmt: skip
     """Let a hump of water spread from rest relative to the current, seen from a moving grid."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
@@ -11,6 +11,8 @@ import xarray as xr
 from exumob.flow import FlowSolver, Poses, Solid
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
+from exumob.support.quantities import Quantity
 from exumob.vehicle.motion import BodyStates
 
 MICRO_STEPS = 10
@@ -49,7 +51,14 @@ class FreeBody:
         Acceleration by outer forces other than the weight, world axes [m/s^2].
     """
 
-    def __init__(self, mass: float, inertia: Any, position: Any, pull: Any = (0.0, 0.0, 0.0)) -> None:
+    @checked
+    def __init__(
+        self,
+        mass: Annotated[float, Quantity("kg", above=0.0)],
+        inertia: Annotated[Any, Quantity("kg m^2", above=0.0, shape=(3,))],
+        position: Annotated[Any, Quantity("m", shape=(3,))],
+        pull: Annotated[Any, Quantity("m/s^2", shape=(3,))] = (0.0, 0.0, 0.0),
+    ) -> None:
         self.mass, self.inertia = mass, np.asarray(inertia, dtype=float)
         self.outside = np.asarray(pull, dtype=float) - np.array([0.0, 0.0, GRAVITY])
         zero = np.zeros(3)

@@ -13,12 +13,15 @@ import numpy as np
 from exumob.flow import FlowSettings, FlowSolver, Grid, box, cylinder
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.verification.check import Case, Check, absolute, relative
+from exumob.verification.options import CellSize
 from exumob.verification.single_body import loads_over, one_pose
 from exumob.water.conditions import Water
 
 
-def hydrostatic_loads(height: float, shift: float, yaw: float, cell_size: float = 0.02) -> tuple[Array, float]:
+@checked
+def hydrostatic_loads(height: float, shift: float, yaw: float, cell_size: CellSize = 0.02) -> tuple[Array, float]:
     """Loads [N, N m] on a box at rest in 0.15 m of water, and its buoyancy after Archimedes [N].
 
     Parameters
@@ -40,7 +43,8 @@ def hydrostatic_loads(height: float, shift: float, yaw: float, cell_size: float 
     return loads, 1000.0 * GRAVITY * length * width * (depth - (height - 0.5 * tall))
 
 
-def sunk_wheel_lift(cell_size: float = 0.015, sunk: float = 0.012) -> tuple[float, float]:
+@checked
+def sunk_wheel_lift(cell_size: CellSize = 0.015, sunk: float = 0.012) -> tuple[float, float]:
     """Lift [N] of a wheel that has sunk by `sunk` [m] into saturated soil, and that of the water it displaces [N]."""
     radius, width, depth = 0.1, 0.08, 0.15
     grid = Grid.uniform((-0.3, -0.24, 0), (0.3, 0.24, 0.3), cell_size)
@@ -59,7 +63,8 @@ def wheel_buoyancy(radius: float, width: float, level: float) -> float:
     return 1000.0 * GRAVITY * width * area
 
 
-def lift_jump(cell_size: float = 0.02) -> float:
+@checked
+def lift_jump(cell_size: CellSize = 0.02) -> float:
     """Change of a floating box's lift, over the lift, as the level rises from just below to just above mid cell."""
     lifts = []
     for level in (7.5 - 1e-4, 7.5 + 1e-4):
@@ -72,7 +77,8 @@ def lift_jump(cell_size: float = 0.02) -> float:
     return float(lifts[1] / lifts[0] - 1.0)
 
 
-def check_hydrostatics(cell_size: float = 0.02) -> list[Check]:
+@checked
+def check_hydrostatics(cell_size: CellSize = 0.02) -> list[Check]:
     """A box at several places and headings, and a sunk wheel: Archimedes; no other loads."""
     checks = []
     for height, shift, yaw in ((0.160, 0.0, 0.0), (0.165, 0.007, 0.0), (0.173, 0.003, 0.5), (0.168, 0.011, 1.1)):

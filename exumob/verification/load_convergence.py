@@ -13,8 +13,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from exumob.support.declared import checked
 from exumob.vehicle.motion import BODIES
 from exumob.verification.check import Case, Check, reported
+from exumob.verification.options import CellSize, Duration, Interval, Threads
 from exumob.verification.runs import loads_after
 from exumob.verification.uncertainty import GridConvergence, deviation_uncertainty, grid_convergence, mean_uncertainty
 from exumob.verification.worst_case import LOADS, worst_run
@@ -23,8 +25,9 @@ RATIOS = (0.028 / 0.018, 0.0224 / 0.018, 1.0)
 """Cell sizes of the three grids over that of the finest [-]."""
 
 
+@checked
 def load_convergence(
-    cell_size: float = 0.018, duration: float = 8.0, interval: float = 1.0e-3, threads: int = 1,
+    cell_size: CellSize = 0.018, duration: Duration = 8.0, interval: Interval = 1.0e-3, threads: Threads = 1,
     allow_coarse: bool = True, ratios: Sequence[float] = RATIOS,
 ) -> xr.Dataset:  # fmt: skip
     """Mean and deviation of the worst case's loads on three grids, with their uncertainties (dims load, cell_size).
@@ -57,8 +60,9 @@ def load_convergence(
     return result
 
 
+@checked
 def check_load_convergence(
-    cell_size: float = 0.018, duration: float = 8.0, interval: float = 1.0e-3, threads: int = 1,
+    cell_size: CellSize = 0.018, duration: Duration = 8.0, interval: Interval = 1.0e-3, threads: Threads = 1,
     allow_coarse: bool = True, ratios: Sequence[float] = RATIOS,
 ) -> list[Check]:  # fmt: skip
     """Report order, extrapolation, index and statistical error of each load."""

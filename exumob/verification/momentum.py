@@ -12,14 +12,17 @@ import numpy as np
 
 from exumob.flow import FlowSolver, Grid, Poses, box
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.verification.check import Case, Check, absolute, reported
 from exumob.verification.initial import VISCOUS_TANK, centers
+from exumob.verification.options import CellSize, Duration, Interval
 from exumob.verification.single_body import one_pose
 from exumob.water.conditions import Water
 
 
+@checked
 def momentum_gap(
-    height: float, cell_size: float = 0.02, duration: float = 0.3, dt: float = 2e-3, sharp_edges: bool = False
+    height: float, cell_size: CellSize = 0.02, duration: Duration = 0.3, dt: Interval = 2e-3, sharp_edges: bool = False
 ) -> float:
     """Box accelerated along a tank: change of the water's momentum less impulses of box and walls, over the box's.
 

@@ -11,13 +11,16 @@ import numpy as np
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.verification.check import Case, Check, absolute, relative
 from exumob.verification.initial import VISCOUS_TANK
+from exumob.verification.options import CellSize, Interval
 from exumob.verification.single_body import loads_over, one_pose
 from exumob.water.conditions import Water
 
 
-def plunge(shift: float = 0.0, dt: float = 2e-3, cell_size: float = 0.02) -> tuple[Array, float, float]:
+@checked
+def plunge(shift: float = 0.0, dt: Interval = 2e-3, cell_size: CellSize = 0.02) -> tuple[Array, float, float]:
     """Box driven through the surface of a tank at 0.4 m/s for 0.3 s.
 
     Returns
@@ -45,7 +48,8 @@ def plunge(shift: float = 0.0, dt: float = 2e-3, cell_size: float = 0.02) -> tup
     return np.array(loads), float(np.abs(errors).max()), 1000.0 * GRAVITY * 0.4 * 0.3 * draught
 
 
-def check_plunge(cell_size: float = 0.02) -> list[Check]:
+@checked
+def check_plunge(cell_size: CellSize = 0.02) -> list[Check]:
     """Two places within a cell: volume within 0.2 %, lift near Archimedes (the box still accelerates water: 25 %)."""
     checks = []
     for shift in (0.0, 0.007):
@@ -56,7 +60,8 @@ def check_plunge(cell_size: float = 0.02) -> list[Check]:
     return checks
 
 
-def force_noise(follow: int | None, dt: float, cell_size: float = 0.02) -> float:
+@checked
+def force_noise(follow: int | None, dt: Interval, cell_size: CellSize = 0.02) -> float:
     """Noise of a box's lift over the lift, less a 21 ms average; 0.5 m/s through the grid, or with it (follow = 0)."""
     grid = Grid.uniform((-0.9, -0.4, 0), (0.9, 0.4, 0.3), cell_size)
     settings = FlowSettings(follow=follow, absorbing_width=0.25)
@@ -86,7 +91,8 @@ def check_noise() -> list[Check]:
     ]
 
 
-def mirror_loads(side: float, cell_size: float = 0.03) -> Array:
+@checked
+def mirror_loads(side: float, cell_size: CellSize = 0.03) -> Array:
     """Loads [N, N m], shape (n, 6), on a box that drifts, yaws and meets a current from port (1) or starboard (-1)."""
     grid = Grid.stretched((-0.3, -0.3, 0), (0.3, 0.3, 0.2), (-0.8, -0.8, 0), (0.8, 0.8, 0.3), cell_size)
     solver = FlowSolver(

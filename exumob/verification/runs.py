@@ -91,10 +91,15 @@ def finished_run(
         return _kept[key]
     progress = _log_of_tenths(label, asked["duration"])
     run = captive_run(vehicle, water, motion, progress=progress, **options)
-    if file is not None:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        save_dataset(run, file)
     _kept[key] = run
+    if file is not None:
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            save_dataset(run, file, elsewhere=False)
+        except OSError as error:  # it must not cost the run
+            reason = os.strerror(error.errno) if error.errno else str(error)
+            logger.warning("%s: %s could not be written (%s); make room there, or the next call computes it again.",
+                           label, file, reason)  # fmt: skip
     return run
 
 

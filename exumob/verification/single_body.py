@@ -8,7 +8,9 @@ import numpy as np
 
 from exumob.flow import FlowSolver, Poses
 from exumob.support.arrays import Array
+from exumob.support.declared import checked
 from exumob.support.rotations import about_z
+from exumob.verification.options import Duration, Interval
 
 
 def one_pose(position: Sequence[float] | Array, velocity: Sequence[float] | Array, yaw: float = 0.0,
@@ -20,7 +22,8 @@ def one_pose(position: Sequence[float] | Array, velocity: Sequence[float] | Arra
     )  # fmt: skip
 
 
-def loads_over(solver: FlowSolver, pose: Callable[[float], Poses], dt: float, duration: float) -> Array:
+@checked
+def loads_over(solver: FlowSolver, pose: Callable[[float], Poses], dt: Interval, duration: Duration) -> Array:
     """Start at pose(0) and go on in intervals of `dt` [s]: loads [N, N m], shape (n, 6)."""
     solver.start(pose(0.0))
     return np.array([solver.advance(dt * (n + 1), pose(dt * (n + 1)))[0] for n in range(round(duration / dt))])

@@ -25,7 +25,9 @@ from exumob.flow import FlowSettings, FlowSolver, Grid, Poses
 from exumob.flow.solids import prism
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.verification.check import Case, Check, absolute, relative, reported
+from exumob.verification.options import CellSize, Duration, Interval, Threads
 from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)
@@ -49,9 +51,11 @@ def slender_body_lift(froude: float) -> float:
     return -2.0 / math.pi * 1000.0 * speed_squared * BREADTH**2 * DRAUGHT / (DEPTH * math.sqrt(1.0 - froude**2))
 
 
+@checked
 def squat_loads(
-    froude: float, cell_size: float = 0.02, duration: float = 3.0, interval: float = 2.0e-3, threads: int = 1,
-    ramp_time: float = 1.0, aside: float = 1.6,
+    froude: float, cell_size: CellSize = 0.02, duration: Duration = 3.0, interval: Interval = 2.0e-3,
+    threads: Threads = 1,
+    ramp_time: Interval = 1.0, aside: float = 1.6,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Change of lift [N], of trim moment (bow down positive) [N m], and drag [N] of the hull under way.
 
@@ -88,8 +92,12 @@ def squat_loads(
     return float(mean[1]), float(-mean[5]), float(mean[0])  # axes of the prism: y up, z to the right
 
 
+@checked
 def squat(
-    froude_numbers: Sequence[float] = (0.3, 0.45, 0.6), cell_size: float = 0.02, duration: float = 3.0, threads: int = 1
+    froude_numbers: Sequence[float] = (0.3, 0.45, 0.6),
+    cell_size: CellSize = 0.02,
+    duration: Duration = 3.0,
+    threads: Threads = 1,
 ) -> list[Check]:
     """Lift of the hull under way against Tuck; trim reported."""
     checks = []

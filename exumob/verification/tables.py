@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from exumob.support.files import write_text
 from exumob.verification.check import Check
 
 COLUMNS = ("case", "check", "value", "reference", "error", "limit", "unit", "result")
@@ -39,5 +40,11 @@ def as_csv(found: Sequence[tuple[str, Check]]) -> str:
 
 
 def write_table(found: Sequence[tuple[str, Check]], output: Path) -> None:
-    """Write a table as the file's ending says: .csv, or else Markdown."""
-    output.write_text(as_csv(found) if output.suffix == ".csv" else as_markdown(found), encoding="utf-8")
+    """Write a table as the file's ending says, whole or not at all: .csv, or else Markdown.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    write_text(output, as_csv(found) if output.suffix == ".csv" else as_markdown(found))

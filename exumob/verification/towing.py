@@ -24,8 +24,10 @@ import xarray as xr
 
 from exumob.flow import FlowSettings
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
 from exumob.towing_tank.motion import CaptiveMotion
 from exumob.verification.check import Case, Check, absolute, reported
+from exumob.verification.options import CellSize, Duration, Interval, Threads
 from exumob.verification.runs import DEPTH, finished_run, loads_after, paper_vehicle, second_half
 from exumob.water.conditions import Water
 
@@ -33,8 +35,10 @@ FROUDE_NUMBERS = (0.5, 0.7, 0.85, 1.0, 1.15, 1.4, 1.9)
 """Depth Froude numbers of the resistance curve [-]."""
 
 
+@checked
 def towed_held(
-    speed: float = 0.8, cell_size: float = 0.019, duration: float = 3.0, interval: float = 1.0e-3, threads: int = 1,
+    speed: float = 0.8, cell_size: CellSize = 0.019, duration: Duration = 3.0, interval: Interval = 1.0e-3,
+    threads: Threads = 1,
     allow_coarse: bool = False,
 ) -> list[Check]:  # fmt: skip
     """Compare the loads of the vehicle towed through still water and held in a current of the same speed."""
@@ -59,8 +63,10 @@ def towed_held(
     return checks
 
 
+@checked
 def resistance(
-    froude: float, cell_size: float = 0.022, duration: float = 3.5, interval: float = 1.0e-3, threads: int = 1,
+    froude: float, cell_size: CellSize = 0.022, duration: Duration = 3.5, interval: Interval = 1.0e-3,
+    threads: Threads = 1,
     allow_coarse: bool = True,
 ) -> xr.Dataset:  # fmt: skip
     """Resistance, lift and trim at a depth Froude number: rolling wheels, still water; second half of the run.
@@ -96,9 +102,10 @@ def resistance(
     )
 
 
+@checked
 def resistance_hump(
-    froude_numbers: Sequence[float] = FROUDE_NUMBERS, cell_size: float = 0.022, duration: float = 3.5,
-    interval: float = 1.0e-3, threads: int = 1, allow_coarse: bool = True,
+    froude_numbers: Sequence[float] = FROUDE_NUMBERS, cell_size: CellSize = 0.022, duration: Duration = 3.5,
+    interval: Interval = 1.0e-3, threads: Threads = 1, allow_coarse: bool = True,
 ) -> list[Check]:  # fmt: skip
     """Find where the resistance coefficient of hull and vehicle is largest."""
     found = [resistance(f, cell_size, duration, interval, threads, allow_coarse) for f in froude_numbers]

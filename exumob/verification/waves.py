@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.optimize import root
@@ -15,14 +16,20 @@ from scipy.optimize import root
 from exumob.flow import FlowSolver, Grid
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.declared import Declared, checked
+from exumob.support.quantities import Quantity
 from exumob.verification.check import Case, Check, at_least, relative, reported
 from exumob.verification.initial import TANK, centers, filled_to
 from exumob.verification.measures import fitted_order
+from exumob.verification.options import WholeCells
 from exumob.water.conditions import Water
+
+LENGTH = Quantity("m", above=0.0, at_most=1e6)
+"""Height, length and depth of a wave"""
 
 
 @dataclass(frozen=True)
-class SteadyWave:
+class SteadyWave(Declared):
     """Exact wave of permanent form on a flat bed by Fourier series (Rienecker & Fenton, J. Fluid Mech. 104 (1981)).
 
     Parameters
@@ -39,15 +46,21 @@ class SteadyWave:
         [m]
     """
 
-    wave_number: float
-    speed: float
-    level: Array
-    velocity: Array
-    reference: float
+    wave_number: Annotated[float, Quantity("1/m", above=0.0)]
+    speed: Annotated[float, Quantity("m/s")]
+    level: Annotated[Array, Quantity("m", shape=("harmonics + 1",))]
+    velocity: Annotated[Array, Quantity("m/s", shape=("harmonics",))]
+    reference: Annotated[float, Quantity("m", above=0.0)]
 
     @classmethod
+    @checked
     def solve(
-        cls, height: float, length: float, depth: float, harmonics: int, crest: Array | None = None
+        cls,
+        height: Annotated[float, LENGTH],
+        length: Annotated[float, LENGTH],
+        depth: Annotated[float, LENGTH],
+        harmonics: Annotated[int, Quantity("1", at_least=2, at_most=1000)],
+        crest: Annotated[Array | None, Quantity("1", above=0.0, shape=("harmonics + 1",))] = None,
     ) -> SteadyWave:
         """Solve for a wave of given height from trough to crest, length and mean depth [m].
 
@@ -111,7 +124,8 @@ class SteadyWave:
         return (rise * self.velocity) @ np.sin(np.multiply.outer(k, x))
 
 
-def solitary_wave(height: float, depth: float) -> tuple[SteadyWave, float]:
+@checked
+def solitary_wave(height: Annotated[float, LENGTH], depth: Annotated[float, LENGTH]) -> tuple[SteadyWave, float]:
     """Exact solitary wave as a periodic one so long, 32 depths, that its trough is flat, and the trough's velocity.
 
     The depth [m] is that of the trough; the guess is the wave of Boussinesq.
@@ -153,7 +167,8 @@ def launched(
     return solver
 
 
-def stokes_run(cells_per_depth: int) -> tuple[SteadyWave, float, float]:
+@checked
+def stokes_run(cells_per_depth: WholeCells) -> tuple[SteadyWave, float, float]:
     """Stokes wave, k depth = 1.31, k height / 2 = 0.15, seven lengths of it between walls.
 
     Followed over one length round a crest as long as nothing can have come from the walls, about 2.4 wavelengths.
@@ -187,7 +202,8 @@ def stokes_run(cells_per_depth: int) -> tuple[SteadyWave, float, float]:
     return wave, wave.speed + float(slip), -float(np.polyfit(times, np.log(sizes), 1)[0]) * period
 
 
-def solitary_run(cells_per_depth: int) -> tuple[float, float, float]:
+@checked
+def solitary_run(cells_per_depth: WholeCells) -> tuple[float, float, float]:
     """Solitary wave, height 0.2 of the depth, over 14 depths in the middle of a tank.
 
     Returns

@@ -22,10 +22,12 @@ import xarray as xr
 
 from exumob.flow import FlowSettings, KOmegaSST, Tread
 from exumob.flow.vehicle_window import doubled_window
+from exumob.support.declared import checked
 from exumob.support.smoothing import smoothed
 from exumob.towing_tank.motion import CaptiveMotion
 from exumob.vehicle.motion import BODIES
 from exumob.verification.check import Case, Check, absolute, reported
+from exumob.verification.options import CellSize, Duration, Interval, Threads
 from exumob.verification.runs import DEPTH, finished_run, loads_after, paper_vehicle
 from exumob.verification.uncertainty import mean_uncertainty
 from exumob.water.conditions import Water
@@ -36,8 +38,10 @@ LOADS = (("hull", 0, "Fx"), ("hull", 2, "Fz"), ("hull", 4, "My"), *((wheel, 0, "
 """Body, component (force, then moment) and name of the loads compared."""
 
 
+@checked
 def worst_run(
-    cell_size: float, duration: float, interval: float = 1.0e-3, threads: int = 1, allow_coarse: bool = False, *,
+    cell_size: CellSize, duration: Duration, interval: Interval = 1.0e-3, threads: Threads = 1,
+    allow_coarse: bool = False, *,
     label: str = "worst case", settings: FlowSettings | None = None, **options: Any,
 ) -> xr.Dataset:  # fmt: skip
     """Run the worst case: 1 m/s against a current of 1 m/s in 0.12 m of water, wheels at 10 rad/s.
@@ -53,8 +57,9 @@ def worst_run(
     )  # fmt: skip
 
 
+@checked
 def worst_case(
-    cell_size: float = 0.018, duration: float = 8.0, interval: float = 1.0e-3, threads: int = 1,
+    cell_size: CellSize = 0.018, duration: Duration = 8.0, interval: Interval = 1.0e-3, threads: Threads = 1,
     allow_coarse: bool = False,
 ) -> list[Check]:  # fmt: skip
     """Noise, level ahead of the bow wave, volume and statistics of the loads: clean from beginning to end."""
@@ -109,7 +114,8 @@ def compared(name: str, run: xr.Dataset, other: xr.Dataset, limit: float) -> lis
     return checks
 
 
-def domain(cell_size: float = 0.028, duration: float = 16.0, interval: float = 1.0e-3, threads: int = 1,
+@checked
+def domain(cell_size: CellSize = 0.028, duration: Duration = 16.0, interval: Interval = 1.0e-3, threads: Threads = 1,
            allow_coarse: bool = True) -> list[Check]:  # fmt: skip
     """Compare the window doubled with the normal one, long enough for means of the unsteady bow wave to settle."""
     wide = doubled_window(paper_vehicle(), cell_size, Water(DEPTH))
@@ -118,7 +124,8 @@ def domain(cell_size: float = 0.028, duration: float = 16.0, interval: float = 1
     return compared("window doubled", normal, doubled, 0.05)
 
 
-def time_step(cell_size: float = 0.022, duration: float = 6.0, threads: int = 1,
+@checked
+def time_step(cell_size: CellSize = 0.022, duration: Duration = 6.0, threads: Threads = 1,
               allow_coarse: bool = True) -> list[Check]:  # fmt: skip
     """Compare steps of 2 ms with steps of 1 ms."""
     one, two = (worst_run(cell_size, duration, dt, threads, allow_coarse) for dt in (1e-3, 2e-3))
@@ -136,8 +143,9 @@ MODELS: dict[str, dict[str, Any]] = {
 """Options that replace a model of the default: none of these choices is plainly right or wrong."""
 
 
+@checked
 def models(
-    cell_size: float = 0.0224, duration: float = 8.0, interval: float = 1.0e-3, threads: int = 1,
+    cell_size: CellSize = 0.0224, duration: Duration = 8.0, interval: Interval = 1.0e-3, threads: Threads = 1,
     allow_coarse: bool = True, names: Sequence[str] = tuple(MODELS),
 ) -> list[Check]:  # fmt: skip
     """Report the loads of the worst case with other models, as an estimate of what the choice of a model changes."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any
@@ -189,7 +190,7 @@ class CoefficientHydrodynamics:
         now = float(history.time[-1])
         if math.isnan(self._sampled_until):
             self._sampled_until = now
-        first = min(int(np.searchsorted(history.time, self._sampled_until + 1.0e-9)), len(history) - 1)
+        first = min(bisect_left(history.time, self._sampled_until + 1.0e-9), len(history) - 1)
         motion = RecentMotion(
             since=self._sampled_until,
             time=_contiguous_copy(history.time[first:]),

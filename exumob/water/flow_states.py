@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from exumob.support.arrays import Array
 from exumob.vehicle.motion import BodyStates
@@ -24,28 +25,42 @@ MOVING_SPEED = 1.0e-2
 
 
 class HorizontalMotion(NamedTuple):
-    """Motion of the bodies over ground in the horizontal plane, split along their headings."""
+    """Motion of a body over ground in the horizontal plane, split along its heading."""
 
-    heading: Array
+    heading: float
     """Direction of the body's x axis in the horizontal plane, counter-clockwise from world x [rad]"""
-    cos: Array
-    sin: Array
+    cos: float
+    sin: float
     """Cosine and sine of the heading [-]"""
-    forward: Array
+    forward: float
     """Velocity along the heading [m/s]"""
-    lateral: Array
+    lateral: float
     """Velocity to the left of the heading [m/s]"""
 
 
-def horizontal_motion(states: BodyStates) -> HorizontalMotion:
-    """Return headings and horizontal velocities of the bodies; all arrays have the shape (n, bodies)."""
-    heading = np.arctan2(states.rotation[..., 1, 0], states.rotation[..., 0, 0])
-    cos, sin = np.cos(heading), np.sin(heading)
-    x, y = states.velocity[..., 0], states.velocity[..., 1]
+@njit(cache=True, error_model="numpy")
+def horizontal_motion(rotation: Array, velocity: Array) -> HorizontalMotion:
+    """Return the horizontal motion of a body with a rotation matrix, shape (3, 3), and a velocity, shape (3,)."""
+    heading = math.atan2(rotation[1, 0], rotation[0, 0])
+    cos, sin = math.cos(heading), math.sin(heading)
+    x, y = velocity[0], velocity[1]
     return HorizontalMotion(heading, cos, sin, cos * x + sin * y, cos * y - sin * x)
 
 
-def flow_states(states: BodyStates, water: Water | None, motion: HorizontalMotion | None = None) -> Array:
+@njit(cache=True, error_model="numpy")
+def sideslip_angle(motion: HorizontalMotion, speed: float) -> float:
+    """Return alpha of Eq. (7) [rad], faded in; `speed` is the horizontal one."""
+    fade = np.minimum(np.maximum((speed - REST_SPEED) / (MOVING_SPEED - REST_SPEED), 0.0), 1.0)
+    return fade * fade * (3.0 - 2.0 * fade) * math.atan2(motion.lateral, motion.forward)
+
+
+@njit(cache=True, error_model="numpy")
+def angle_of_attack(heading: float, current_direction: float) -> float:
+    """Return beta of Eq. (7), wrapped to (-pi, pi] [rad]."""
+    return math.pi - (math.pi - (heading - (current_direction + math.pi))) % (2.0 * math.pi)
+
+
+def flow_states(states: BodyStates, water: Water | None) -> Array:
     """Return the state of each body relative to ground and water, Eq. (7).
 
     alpha is the angle from the body's heading to its horizontal velocity (positive: it moves to its own left), where
@@ -63,29 +78,29 @@ def flow_states(states: BodyStates, water: Water | None, motion: HorizontalMotio
         n instants.
     water : Water or None
         None: no water, beta = U_w = D_w = 0.
-    motion : HorizontalMotion, optional
-        That of the states, where it has been computed already.
 
     Returns
     -------
     array, shape (n, 5, 5)
         Instant, body, quantity: alpha [rad] and beta [rad] in (-pi, pi], V [m/s], U_w [m/s], D_w [m].
     """
-    motion = horizontal_motion(states) if motion is None else motion
-    speed = np.hypot(states.velocity[..., 0], states.velocity[..., 1])
-    sideslip = np.arctan2(motion.lateral, motion.forward)
-    fade = np.clip((speed - REST_SPEED) / (MOVING_SPEED - REST_SPEED), 0.0, 1.0)
-
-    columns = np.zeros((*speed.shape, 5))
-    columns[..., 0] = fade * fade * (3.0 - 2.0 * fade) * sideslip
-    columns[..., 2] = speed
+    columns = np.zeros((*states.velocity.shape[:2], 5))
     if water is not None:
-        columns[..., 1] = _wrapped(motion.heading - (water.current_direction + math.pi))
-        columns[..., 3] = water.current_speed
-        columns[..., 4] = water.depth
+        columns[..., 3:] = water.current_speed, water.depth
+    direction = math.nan if water is None else float(water.current_direction)
+    rotation, velocity = (np.array(values, float, order="C") for values in (states.rotation, states.velocity))
+    _fill_motion(rotation, velocity, direction, columns)
     return columns
 
 
-def _wrapped(angle: Array) -> Array:
-    """Wrap an angle to (-pi, pi]."""
-    return math.pi - np.mod(math.pi - angle, 2.0 * math.pi)
+@njit(cache=True, error_model="numpy")
+def _fill_motion(rotation: Array, velocity: Array, current_direction: float, columns: Array) -> None:
+    """Fill alpha, beta and V; without a direction (nan) beta stays as it is."""
+    for n in range(len(columns)):
+        for body in range(columns.shape[1]):
+            motion = horizontal_motion(rotation[n, body], velocity[n, body])
+            speed = math.hypot(velocity[n, body, 0], velocity[n, body, 1])
+            columns[n, body, 0] = sideslip_angle(motion, speed)
+            columns[n, body, 2] = speed
+            if not math.isnan(current_direction):
+                columns[n, body, 1] = angle_of_attack(motion.heading, current_direction)

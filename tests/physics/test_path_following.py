@@ -1,7 +1,6 @@
 """Path following: distances and headings, smooth steering, what the driver does, repeated and resumed runs."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -159,24 +158,6 @@ def test_drivers_that_lack_something_are_refused(tmp_path):
         simulate(car, soil, None, Blind(), duration=0.1)
     with pytest.raises(ValueError, match="Looking cannot be told from another one"):
         simulate(car, soil, None, Looking(), duration=0.1, checkpoint=tmp_path / "run.npz")
-
-
-def test_driver_keeps_the_lane_that_it_is_told():
-    """On dry ground and in a current from the side, where the wheels alone would let the vehicle drift."""
-    car, soil = amphibious_vehicle(), Soil.published("LETE sand")
-    maneuver = PathFollowing(lane_shift(0.3, 0.5, 1.5), gain=2.0, integral_gain=0.3)
-    dry = simulate(car, soil, None, maneuver, duration=6.0, **FAST)
-    assert abs(float(maneuver.deviation(dry)[-1])) < 0.01
-    assert float(dry["position"].sel(body="hull", axis="y")[-1]) == pytest.approx(0.3, abs=0.01)
-    assert np.abs(np.degrees(dry["steering_angle"])).max() < 33.0
-    side = Water.at_ratio(0.4, 0.3, current_direction=math.radians(90.0))
-    pushed = {
-        name: simulate(car, soil, side, path, CoefficientHydrodynamics(), duration=6.0, **FAST)
-        for name, path in (("seen", replace(maneuver, waypoints=STRAIGHT)), ("blind", ConstantSteer()))
-    }
-    drift = {name: float(run["position"].sel(body="hull", axis="y")[-1]) for name, run in pushed.items()}
-    assert drift["blind"] > 0.03
-    assert abs(drift["seen"]) < 0.3 * drift["blind"]
 
 
 def test_resumed_run_has_the_same_bits(tmp_path):

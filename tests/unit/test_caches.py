@@ -1,6 +1,8 @@
 """Where compiled kernels are kept when nothing can be written."""
 
+import ctypes
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +11,8 @@ from types import SimpleNamespace
 import pytest
 
 from exumob.support import caches
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize(("variable", "sources", "home", "private"), [
@@ -42,14 +46,38 @@ def test_a_folder_that_may_not_be_entered_is_not_writable(monkeypatch):
     assert not caches._writable(Path("/root/nowhere"))
 
 
-@pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="needs another user to become")
+def without_privileges():
+    """Hold root's child to the permissions of files: without CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH."""
+    if os.geteuid() == 0:
+        libc = ctypes.CDLL(None, use_errno=True)
+        for capability in (1, 2):
+            if libc.prctl(24, capability, 0, 0, 0) != 0:  # PR_CAPBSET_DROP
+                raise OSError(ctypes.get_errno(), "prctl")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="capabilities are Linux's")
 def test_help_works_for_a_user_who_can_write_nowhere(tmp_path):
-    environment = {"PATH": os.environ["PATH"], "PYTHONPATH": os.pathsep.join(sys.path), "HOME": "/nonexistent"}
-    environment["NUMBA_CACHE_DIR"] = "/root/nowhere"  # which this user may not even enter
-    call = [sys.executable, "-m", "exumob", "--help"]
-    try:
-        found = subprocess.run(call, capture_output=True, text=True, env=environment, user=65534, check=False)
-    except PermissionError:
-        pytest.skip("the interpreter is in a folder that other users cannot enter")
+    """A package, a home and a cache that are not this user's to write, and the last not even to enter."""
+    site = tmp_path / "site"
+    for package in ("exumob", "vehicle_models"):
+        shutil.copytree(ROOT / package, site / package, ignore=shutil.ignore_patterns("__pycache__"))
+    home, closed = tmp_path / "home", tmp_path / "closed"
+    home.mkdir(), closed.mkdir()
+    for folder in (*(path for path in site.rglob("*") if path.is_dir()), site, home):
+        folder.chmod(0o555)
+    closed.chmod(0)
+    tried = "import importlib.util as u; print(u.find_spec('exumob').origin); open('file', 'w')"
+    environment = {"PATH": os.environ["PATH"], "PYTHONPATH": str(site), "HOME": str(home)}
+    environment["NUMBA_CACHE_DIR"] = str(closed / "kernels")
+
+    def answer(*arguments):
+        return subprocess.run(
+            [sys.executable, *arguments], capture_output=True, text=True, env=environment, check=False, cwd=home,
+            preexec_fn=without_privileges,
+        )  # fmt: skip
+
+    found = answer("-m", "exumob", "--help")
     assert found.returncode == 0 and "lane-change" in found.stdout, found.stderr
     assert "Traceback" not in found.stderr
+    refused = answer("-c", tried)  # so the test tries what it says
+    assert str(site) in refused.stdout and "PermissionError" in refused.stderr, refused

@@ -6,6 +6,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from damage import damage
 
 from exumob.simulation import checkpoint
 from exumob.simulation.checkpoint import HEAD, Checkpoints, Fingerprint, read, write
@@ -47,15 +48,7 @@ def test_what_was_written_comes_back(file):
 @pytest.mark.parametrize("seed", range(80))
 def test_a_damaged_file_is_the_right_one_or_refused(file, seed):
     """Cut off, bits turned over, pieces left out: at places drawn at random, and at both ends."""
-    data, rng = bytearray(file.read_bytes()), np.random.default_rng(seed)
-    place = (0, len(data) - 1, 30, len(data) - 22)[seed // 3] if seed < 12 else int(rng.integers(len(data)))
-    if seed % 3 == 0:
-        del data[place:]
-    elif seed % 3 == 1:
-        data[place] ^= 1 << int(rng.integers(8))
-    else:
-        del data[place : place + int(rng.integers(1, 100))]
-    file.write_bytes(data)
+    damage(file, seed, (0, -1, 30, -22))
     try:
         opened(file)
         steps, tree = read(file)

@@ -93,3 +93,16 @@ def test_record_holds_every_parameter_by_its_name(pressure_form, shear_limit):
         pressure_form == "reece",
         shear_limit == "resultant",
     )
+
+
+@pytest.mark.parametrize("factor", [1e-12, 1e-3, 0.3, 1.0])
+@pytest.mark.parametrize("row", Soil.published_table(), ids=lambda row: row.name)
+def test_values_that_a_scatter_reaches_pass_and_kilonewtons_do_not(row, factor):
+    """k_c may be anything beside k_phi; what a table prints in kPa and kN is refused in k_phi and cohesion."""
+    soil = row.soil
+    assert replace(soil, k_c=factor * soil.k_c).k_c == factor * soil.k_c
+    for name in ("k_phi", "cohesion"):
+        assert getattr(replace(soil, **{name: 0.0}), name) == 0.0
+        with pytest.raises(ValueError, match=rf"Soil\.{name} = .*is it in k"):
+            replace(soil, **{name: 1e-3 * getattr(soil, name)})
+    assert replace(soil, cohesion=0.45 * soil.cohesion, k_phi=0.45 * soil.k_phi).name == row.name
