@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
+import multiprocessing.connection
 import os
 import signal
 import sys
@@ -32,6 +33,8 @@ ATTEMPTS = 2
 """Number of processes that a case may take with it until it is given up as ``killed``."""
 FRUITLESS = 3
 """Number of times that the whole pool may be killed from outside without any case that ended in between."""
+ENDING = 1.0
+"""Time that a pool whose process is gone has to say that it ends by itself [s]."""
 POLL = 0.2
 """Interval at which the pool is watched [s]."""
 
@@ -185,15 +188,17 @@ def run_in_processes(store: CaseStore, workers: int, report_progress: Callable[[
                 looked = time.monotonic()
                 report_progress()
                 if lost := _lost(store, since):
+                    if multiprocessing.connection.wait([receiver, pool.sentinel], ENDING):  # it ends them itself
+                        pool.join(GRACE)
                     break
                 # a look at many files takes long: leave nine tenths of the time to the cases
                 pool.join(max(POLL, 9.0 * (time.monotonic() - looked)))
         finally:
             _kill(pool)
-            counted = lost - store.ended()
+            failure = _received(receiver)
+            counted = set() if failure else lost - store.ended()
             store.forget_begun(n for n, begun in store.begun().items() if begun["at"] >= since and n not in counted)
             store.remove_partial_files()
-        failure = _received(receiver)
         if isinstance(failure, StorageError):
             raise failure
         fruitless = fruitless + 1 if pool.exitcode == -signal.SIGKILL and not lost and store.left() == left else 0
@@ -202,7 +207,7 @@ def run_in_processes(store: CaseStore, workers: int, report_progress: Callable[[
                 f"sweep: its processes were killed from outside {fruitless} times before a case ended, perhaps for "
                 "want of memory; use fewer workers. The same call goes on with what has ended."
             )
-        if pool.exitcode not in (0, None, -signal.SIGKILL) and store.left() == left and not lost:
+        if pool.exitcode not in (0, None, -signal.SIGKILL) and store.left() == left and (failure or not lost):
             raise RuntimeError(
                 f"sweep: the processes could not be started (exit code {pool.exitcode}); "
                 + (failure or "is the script's own work under `if __name__ == '__main__':`?")
