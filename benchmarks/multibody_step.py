@@ -1,8 +1,8 @@
-"""What a step of the vehicle and its settling cost, and how near that is to the floor (`python benchmarks/multibody_step.py`).
+"""What a step of the vehicle and its settling cost: `python benchmarks/multibody_step.py` (two minutes).
 
-The lane change in D60/U1 with the coefficient model on LETE sand, both vehicles, one process: CPU times, the smallest of
-three. Settling and driving apart; then, for the driving, the steps, the iterations of Newton, the Jacobians, and how much
-of a step is ours. Ratios are to `past.toml`; they hold for one machine, see there.
+The lane change in D60/U1 with the coefficient model on LETE sand, both vehicles, one process: CPU times, the smallest
+of three. Settling and driving apart; then, for the driving, the time of a step, what of it is ours, the iterations of
+Newton and the Jacobians. Ratios are to `past.toml`; they hold for the machine named there.
 """
 
 from __future__ import annotations
@@ -76,19 +76,21 @@ def main() -> None:
     """Print one row a vehicle and pair of steps."""
     clock = Clock()
     rows = past.past("multibody_step")
-    print("| vehicle, steps | settling [s] | ratio | driving [s] | ratio | a step [us] | ours [us] | Newton | Jacobians |")
+    print(
+        "| vehicle, steps | settling [s] | ratio | driving [s] | ratio | a step [us] | ours [us] | Newton | Jacobians |"
+    )
     print(9 * "|---" + "|")
     for vehicle in (amphibious_vehicle(), light_4x4()):
         for name, (micro_step, macro_step) in STEPS.items():
             found = [run(vehicle, micro_step, macro_step, clock) for _ in range(REPEATS)]
             best = {key: min(row[key] for row in found) for key in found[0]}
             then = rows.get(f"{vehicle.name}, {name}", {})
-            print(
-                f"| {vehicle.name}, {name} | {best['settling']:.2f} | {past.ratio(best['settling'], then, 'settling_s')} "
-                f"| {best['driving']:.2f} | {past.ratio(best['driving'], then, 'driving_s')} | {best['step']:.0f} "
-                f"| {best['ours']:.0f} | {best['newton']:.2f} | {best['jacobians']:.3f} |",
-                flush=True,
-            )
+            figures = (
+                f"{best['settling']:.2f}", past.ratio(best["settling"], then, "settling_s"),
+                f"{best['driving']:.2f}", past.ratio(best["driving"], then, "driving_s"),
+                f"{best['step']:.0f}", f"{best['ours']:.0f}", f"{best['newton']:.2f}", f"{best['jacobians']:.3f}",
+            )  # fmt: skip
+            print(f"| {vehicle.name}, {name} | " + " | ".join(figures) + " |", flush=True)
 
 
 if __name__ == "__main__":

@@ -14,6 +14,9 @@ from numba import njit
 
 from exumob.support.arrays import Array
 
+INSTANTS = 3
+"""Number of instants that are remembered: a parabola through them."""
+
 
 class NewmarkFactors(NamedTuple):
     """What a change of the accelerations does to the coordinates (times step squared) and velocities (times step)."""
@@ -48,8 +51,8 @@ class Predictor:
         """Begin without memory."""
         self._state = coordinates, velocities, accelerations, multipliers
         self._factors = factors
-        self._times = np.full(2, np.nan)
-        self._past = np.zeros((2, len(accelerations) + len(multipliers)))
+        self._times = np.full(INSTANTS, np.nan)
+        self._past = np.zeros((INSTANTS, len(accelerations) + len(multipliers)))
 
     def forget(self) -> None:
         """Begin anew."""
@@ -69,20 +72,24 @@ class Predictor:
 
     def restore(self, saved: Array) -> None:
         """Return to what `save` gave."""
-        self._times[:] = saved[:2]
-        self._past.ravel()[:] = saved[2:]
+        self._times[:] = saved[:INSTANTS]
+        self._past.ravel()[:] = saved[INSTANTS:]
 
 
 @njit(cache=True, error_model="numpy")
 def _remember(time: float, times: Array, past: Array, accelerations: Array, multipliers: Array) -> None:
-    if time <= times[1]:
+    last = INSTANTS - 1
+    if time <= times[last]:
         return
+    for i in range(last):
+        times[i] = times[i + 1]
+        past[i] = past[i + 1]
+    times[last] = time
     n = len(accelerations)
-    times[0] = times[1]
-    times[1] = time
-    for i in range(past.shape[1]):
-        past[0, i] = past[1, i]
-        past[1, i] = accelerations[i] if i < n else multipliers[i - n]
+    for k in range(n):
+        past[last, k] = accelerations[k]
+    for k in range(len(multipliers)):
+        past[last, n + k] = multipliers[k]
 
 
 @njit(cache=True, error_model="numpy")
@@ -90,19 +97,30 @@ def _predict(
     time: float, times: Array, past: Array, coordinates: Array, velocities: Array, accelerations: Array,
     multipliers: Array, by_coordinates: float, by_velocities: float,
 ) -> None:  # fmt: skip
-    step = time - times[1]
+    step = time - times[INSTANTS - 1]
     if not step > 0.0:
         return  # nothing is remembered yet
-    last = times[1] - times[0]
-    ratio = step / last if last > 0.0 else 0.0
     n = len(accelerations)
-    for i in range(n):
-        if accelerations[i] != 0.0:
+    for k in range(n):
+        if accelerations[k] != 0.0:
             return  # Newton goes on from where it was
-    for i in range(n):
-        acceleration = past[1, i] + ratio * (past[1, i] - past[0, i])
-        accelerations[i] = acceleration
-        velocities[i] += step * by_velocities * acceleration
-        coordinates[i] += step * step * by_coordinates * acceleration
-    for i in range(len(multipliers)):
-        multipliers[i] = past[1, n + i] + ratio * (past[1, n + i] - past[0, n + i])
+    weights = np.zeros(INSTANTS)  # Lagrange's, of the polynomial through the known instants
+    for i in range(INSTANTS):
+        if np.isnan(times[i]):
+            continue
+        weights[i] = 1.0
+        for m in range(INSTANTS):
+            if m != i and not np.isnan(times[m]):
+                weights[i] *= (time - times[m]) / (times[i] - times[m])
+    for k in range(n):
+        acceleration = 0.0
+        for i in range(INSTANTS):
+            acceleration += weights[i] * past[i, k]
+        accelerations[k] = acceleration
+        velocities[k] += step * by_velocities * acceleration
+        coordinates[k] += step * step * by_coordinates * acceleration
+    for k in range(len(multipliers)):
+        multiplier = 0.0
+        for i in range(INSTANTS):
+            multiplier += weights[i] * past[i, n + k]
+        multipliers[k] = multiplier
