@@ -167,7 +167,7 @@ class MultibodyVehicle:
             If a wheel sinks to its centre, or the vehicle tips over.
         """
         settings = integration_settings(SETTLING_MICRO_STEP, 1.0, TOLERANCE * self._residual_scale)
-        settings.timeIntegration.newton.modifiedNewtonContractivity = 0.5
+        settings.timeIntegration.newton.modifiedNewtonContractivity = 0.9  # three quarters of the time of 0.5
         present = SETTLING_MICRO_STEP, TOLERANCE
 
         def advance(end_time: float, micro_step: float, tolerance: float) -> BodyStates:
