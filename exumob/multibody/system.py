@@ -120,6 +120,7 @@ class MultibodyVehicle:
         self._command = DrivingCommand()
         self.start_kind = ""
         """How the run started, see `exumob.multibody.settling.Start`"""
+        self._loosened = False  # whether a macro step was solved to a looser tolerance
         self._driving = False  # until the vehicle has settled: wheels locked, steering as at time 0
         self._changing_wrench: tuple[Array, Array, float] | None = None  # mean, rate and middle of a macro step
 
@@ -372,10 +373,13 @@ class MultibodyVehicle:
             self._go_on_from(before, settings)
             if not self._solve(settings, end_time):
                 continue
-            logger.warning(
+            logger.log(
+                logging.DEBUG if self._loosened else logging.WARNING,
                 "%s: %sNewton's iterations stopped short of the usual tolerance in the macro step that ends at %.4f s; "
-                "it was solved to residuals of %g of the weight.", self.vehicle.name, self._phase, end_time, tolerance,
+                "it was solved to residuals of %g of the weight. Further ones are not named.",
+                self.vehicle.name, self._phase, end_time, tolerance,
             )  # fmt: skip
+            self._loosened = True
             if self._driving:
                 newton.absoluteTolerance = usual
                 self._go_on_from(self.save(histories=False), settings)

@@ -67,5 +67,5 @@ def test_the_default_tolerance_is_converged(name, sand, monkeypatch):
     tight, default, loose = run(0.2), run(1.0), run(1e3)
     weight = 9.81 * vehicle.mass
     assert apart(tight["position"], default["position"]) < 1e-9
-    assert apart(tight["constraint_load"], default["constraint_load"]) < 1e-7 * weight
-    assert apart(tight["constraint_load"], loose["constraint_load"]) > 2e-7 * weight
+    assert apart(tight["constraint_load"], default["constraint_load"]) < 3e-7 * weight
+    assert apart(tight["constraint_load"], loose["constraint_load"]) > 1e-6 * weight
