@@ -80,7 +80,10 @@ class Terrain(Declared):
     spacing: Annotated[
         float | tuple[float, float],
         Quantity(
-            "m", above=0.0, at_most=1e6, plausible=(1e-3, 1e3),
+            "m",
+            above=0.0,
+            at_most=1e6,
+            plausible=(1e-3, 1e3),
             negative="where rows run south, turn them: heights[::-1].",
         ),
     ] = 1.0

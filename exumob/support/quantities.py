@@ -110,7 +110,18 @@ class Quantity:
         The same about a value below 0.
     """
 
-    __slots__ = ("above", "at_least", "at_most", "below", "infinite", "negative", "plausible", "remedy", "shape", "unit")
+    __slots__ = (
+        "above",
+        "at_least",
+        "at_most",
+        "below",
+        "infinite",
+        "negative",
+        "plausible",
+        "remedy",
+        "shape",
+        "unit",
+    )
 
     def __init__(  # one argument a property of the value; all but the unit have defaults
         self,

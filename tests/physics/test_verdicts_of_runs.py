@@ -14,6 +14,7 @@ from exumob.simulation.run import simulate
 from exumob.simulation.summary import summary
 from exumob.simulation.verdict import judge, verdict_of_error
 from exumob.support.errors import SimulationError, SimulationInterrupted
+from exumob.support.quantities import unusual
 from exumob.water.conditions import Water
 
 AHEAD = ConstantSteer(ramp_time=0.5)
