@@ -69,7 +69,7 @@ def _unknown_fields(owner: type, given: Mapping[str, Any]) -> str:
 
 
 def nearest_names(name: str, known: Sequence[str]) -> list[str]:
-    """Return the names that come nearest to one that is not known, three at most: misspellings, else those that hold it.
+    """Return the names nearest to one that is not known, three at most: misspelt ones, else those that hold it.
 
     Parameters
     ----------

@@ -159,8 +159,8 @@ def test_cells_too_coarse_are_said_with_exit_code_2():
 
 
 @pytest.mark.parametrize("model, extra, word", [
-    ("coefficients", ["--networks", "a.safetensors"], "--networks means nothing with --hydrodynamics coefficients"),
-    ("coefficients", ["--members"], "--members needs networks"),
+    ("coefficients", ["--networks", "a.safetensors"], "--networks has no effect with --hydrodynamics coefficients"),
+    ("coefficients", ["--members"], "--members has no effect with --hydrodynamics coefficients"),
 ])  # fmt: skip
 def test_networks_are_asked_for_where_they_act(model, extra, word):
     answer = lane_change("--hydrodynamics", model, *extra)
@@ -200,7 +200,7 @@ def test_what_is_replaced_is_said_and_other_files_are_never_replaced(tmp_path, c
     check_targets({"--output": tmp_path / "run.nc", "--figure": tmp_path / "run.png", "--animate": None})
     said = capsys.readouterr().err
     assert "run.nc" in said and "run.png exist and are replaced at the end" in said
-    with pytest.raises(ValueError, match=r"vehicle\.py: this file exists, and its ending '\.py' is none"):
+    with pytest.raises(ValueError, match=r"vehicle\.py: the ending '\.py' does not fit; use \.nc"):
         check_targets({"--output": tmp_path / "vehicle.py"})
     assert {file.read_text() for file in tmp_path.iterdir()} == {"kept"}
 
