@@ -19,7 +19,7 @@ from exumob.water.conditions import Water
 if TYPE_CHECKING:
     from exumob.flow.cost import FlowCost
 
-# Process times of `simulate` on one core, kernels compiled, of the paper's vehicle in D60/U1 with the networks, with the
+# Process times of `simulate` on one core, kernels compiled, of the paper's vehicle in D60/U1 with the networks, the
 # coefficients and on dry ground: 0.56, 0.52 and 0.52 s for a second with the setting "fast", 2.06, 2.1 and 1.9 s with
 # "fine"; settling 1.2, 0.6 and 0.3 s. Measured as time.process_time() over runs of 8 s (fast) and 1 s (fine), parted by
 # the share of `result.attrs["settling_wall_time"]` in the wall time. Whoever makes a run faster measures them anew.

@@ -2,6 +2,7 @@
 
 import logging
 import math
+import re
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
@@ -20,8 +21,11 @@ from exumob.flow.cost import flow_cost
 from exumob.flow.output.vtk import VtkSeries
 from exumob.flow.resolution import check_resolution
 from exumob.flow.vehicle_window import vehicle_window
+from exumob.simulation.cost import TIME_TO_SETTLE, driving_time
 from exumob.simulation.run import simulate
 from exumob.support import compiled, cost
+from exumob.sweeps.experiment import amphibious_lane_change
+from exumob.sweeps.run import START, need
 from exumob.towing_tank import captive_run
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
@@ -293,3 +297,29 @@ def test_training_takes_as_long_as_measured():
     runs = {str(n): xr.Dataset(coords={"time": [0.0, 8.0]}) for n in range(9)}
     assert training_time([presets["paper-lstm"]], runs, 1) == pytest.approx(180.0)
     assert training_time([presets["residual"]], runs, 5) == pytest.approx(50.0)
+
+
+def test_a_run_takes_as_long_as_measured():
+    """The lane change of 8 s: 0.56 s a second with the setting fast, 2.06 s with fine, on one core, and settling."""
+    assert driving_time(8.0, 5e-4, 0.02) == pytest.approx(4.5, rel=0.1)
+    assert driving_time(8.0, 1e-4, 1e-3) == pytest.approx(16.5, rel=0.1)
+
+
+@pytest.mark.parametrize(("load", "processes", "words"), [
+    (0.1, 1, "about 20 s, if no other program takes its share of the 2 cores"),
+    (5.0, 2, r"the 2 cores \(about 1.2 min beside those at work now\)"), (3.0, 1, r"\(about 40 s beside"),
+])  # fmt: skip
+def test_other_programs_are_reckoned_with(load, processes, words, monkeypatch):
+    monkeypatch.setattr(cost, "cores", lambda: 2)
+    monkeypatch.setattr(cost, "_busy", lambda: load)
+    assert re.search(words + ("$" if load < 1.0 else ""), cost.expected_time(20.0, processes))
+
+
+def test_a_sweep_says_what_its_runs_and_processes_take(monkeypatch):
+    monkeypatch.setattr("exumob.sweeps.run.cores", lambda: 2)
+    cases = [{"hull.mass": mass} for mass in (49.0, 50.0, 51.0, 52.0, 53.0, 54.0)]
+    one = driving_time(8.0, 5e-4, 0.02) + TIME_TO_SETTLE
+    assert need(amphibious_lane_change(), cases).time == pytest.approx(3.0 * one + START)
+    assert need(amphibious_lane_change(), cases[:1]).time == pytest.approx(one + START)
+    fine = [case | {"setting": "fine", "duration": 1.0} for case in cases]
+    assert need(amphibious_lane_change(), fine, 1).time == pytest.approx(6.0 * (2.0 + TIME_TO_SETTLE) + START, rel=0.02)
