@@ -1,4 +1,4 @@
-"""How far runs end from one whose equations are solved to 1e-9, by Newton's tolerance, and what that costs.
+"""How far runs end from one whose equations are solved further, by Newton's tolerance, and what that costs.
 
 `python benchmarks/newton_tolerance.py [DURATION]`: D60/U1 with coefficients, fast setting, both vehicles; CPU times of
 interleaved runs in one process.
@@ -8,29 +8,24 @@ from __future__ import annotations
 
 import sys
 import time
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from exumob import CoefficientHydrodynamics, Soil, Vehicle, Water, simulate
 from exumob.multibody import system
-from exumob.multibody.solver_settings import TOLERANCE, integration_settings
+from exumob.multibody.solver_settings import TOLERANCE
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
 
-TIGHT = 1e-9
-TOLERANCES = (1e-5, 1e-7, TOLERANCE)
+TIGHT = 0.2 * TOLERANCE
+TOLERANCES = (50.0 * TOLERANCE, 5.0 * TOLERANCE, TOLERANCE)
 REPEATS = 2
 
 
 def run(vehicle: Vehicle, tolerance: float, duration: float) -> tuple[xr.Dataset, float]:
     """Run the lane change with another tolerance; return the result and the CPU time [s]."""
-
-    def settings(step: float, length: float, **given: Any) -> Any:
-        return integration_settings(step, length, **({"tolerance": tolerance} | given))
-
-    system.integration_settings = settings
+    system.TOLERANCE = tolerance
     water = Water.at_ratio(0.6, 1.0, tyre_diameter=vehicle.wheel.diameter)
     begin = time.process_time()
     result = simulate(vehicle, Soil.published("LETE sand"), water, None, CoefficientHydrodynamics(), duration=duration)

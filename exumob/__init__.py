@@ -3,25 +3,32 @@
 vehicle, soil, water -> simulate(...) -> xarray.Dataset -> plotting
 """
 
+from typing import TYPE_CHECKING
+
 from exumob.support.caches import provide_cache
+from exumob.support.lazy import on_first_use
 
 provide_cache()  # before anything that Numba compiles is imported
 
-from exumob.driving.maneuver import ConstantSteer, LaneChange, Recorded, lane_change
-from exumob.driving.path_following import PathFollowing, lane_shift
-from exumob.ground.soil import Soil
-from exumob.ground.terrain import Terrain
-from exumob.ground.terramechanics import wheel_soil_forces
-from exumob.simulation.result_files import load_dataset, save_dataset
-from exumob.simulation.run import simulate
-from exumob.simulation.summary import summary
-from exumob.support.errors import SimulationError, SimulationInterrupted
-from exumob.support.quantities import ImplausibleValue, unusual
-from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones
-from exumob.vehicle.vehicle_file import load_vehicle
-from exumob.water.coefficients import CoefficientHydrodynamics
-from exumob.water.conditions import Water
-from exumob.water.hydrodynamics import Hydrodynamics, NoWater
+if TYPE_CHECKING:
+    from exumob.driving.maneuver import ConstantSteer, LaneChange, Recorded, lane_change
+    from exumob.driving.path_following import PathFollowing, lane_shift
+    from exumob.ground.soil import Soil
+    from exumob.ground.terrain import Terrain
+    from exumob.ground.terramechanics import wheel_soil_forces
+    from exumob.simulation.result_files import load_dataset, save_dataset
+    from exumob.simulation.run import simulate
+    from exumob.simulation.summary import summary
+    from exumob.support.errors import SimulationError, SimulationInterrupted
+    from exumob.support.quantities import ImplausibleValue, unusual
+    from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones
+    from exumob.vehicle.point_force import PointForce
+    from exumob.vehicle.vehicle_file import load_vehicle
+    from exumob.water.coefficients import CoefficientHydrodynamics
+    from exumob.water.conditions import Water
+    from exumob.water.hydrodynamics import Hydrodynamics, NoWater
+else:
+    __getattr__, __dir__ = on_first_use(__name__)
 
 __all__ = [
     "CoefficientHydrodynamics",
@@ -32,6 +39,7 @@ __all__ = [
     "LaneChange",
     "NoWater",
     "PathFollowing",
+    "PointForce",
     "Recorded",
     "SimulationError",
     "SimulationInterrupted",

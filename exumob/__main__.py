@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Callable
-from importlib import metadata
 from typing import Annotated
 
 import typer
@@ -29,6 +28,8 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
+        from importlib import metadata
+
         console.print(f"exumob {metadata.version('exumob')}")
         raise typer.Exit
 

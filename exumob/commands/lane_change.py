@@ -44,7 +44,6 @@ from exumob.commands.shared import (
     vehicle_of,
     whatever_was_computed,
 )
-from exumob.coupling.scheme import Coupling
 from exumob.simulation.settings import DURATION, SETTINGS, SOIL
 from exumob.support.quantities import (
     CURRENT_SPEED,
@@ -59,6 +58,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from exumob.coupling.flow_in_loop import CfdHydrodynamics
+    from exumob.coupling.scheme import Coupling
     from exumob.water.conditions import Water
     from exumob.water.hydrodynamics import Hydrodynamics
 

@@ -14,11 +14,12 @@ class Explicit(Scheme):
 
     It advances the water once a step, and is unstable where the added mass is more than a third of the mass (see
     `exumob.coupling.scheme`). Hydrodynamics models whose wrenches do not follow the acceleration at once
-    (`CoefficientHydrodynamics`, `SurrogateHydrodynamics`) need no other scheme; their answer is not a mean over the
-    step to come, and is held. With a flow code it is included for comparison.
+    (`CoefficientHydrodynamics`, `SurrogateHydrodynamics`) need no other scheme. Their answer changes linearly about its
+    value within the step: held, it would jump between steps, and the time integration of the vehicle lose an order
+    (1 ms against 0.25 ms: 6e-5 m after 8 s, in place of 9e-7 m). With a flow code it is included for comparison.
     """
 
-    within_step: WithinStep = "held"
+    within_step: WithinStep = "linear"
 
     def step(self, bodies: Mechanism, hydrodynamics: Hydrodynamics, end_time: float) -> None:
         """See `Coupling`."""

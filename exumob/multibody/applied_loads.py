@@ -14,7 +14,7 @@ from numba import njit
 
 from exumob.ground.soil import SOIL_RECORD, Soil
 from exumob.ground.terrain import TERRAIN_RECORD, Terrain
-from exumob.multibody.rigid_body import angular_velocity, cross, dot, rotation_matrix
+from exumob.multibody.rigid_body import angular_velocity, cross, dot, generalized_moment, rotation_matrix
 from exumob.multibody.soil_contact import WHEEL_CONTACT, soil_on_wheel
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
@@ -50,6 +50,7 @@ LOAD_PARAMETERS = np.dtype(
 LOADS = np.dtype(
     [
         ("water_wrench", "f8", (5, 6)),  # input: on the five bodies, body axes [N, N m], held over a macro step
+        ("point_wrench", "f8", (5, 6)),  # input: of the user's forces, world axes, about each body's origin [N, N m]
         ("hull_force", "f8", (3,)),  # all in world axes [N], [N m]
         ("hull_torque", "f8", (3,)),
         ("upright_force", "f8", (4, 3)),
@@ -66,6 +67,7 @@ LOADS = np.dtype(
         ("damper_power", "f8"),
         ("water_power", "f8"),
         ("settling_power", "f8"),
+        ("point_power", "f8"),  # of the user's forces
         ("spring_energy", "f8"),  # stored [J]
         ("kinetic_energy", "f8"),
         ("gravity_energy", "f8"),
@@ -135,8 +137,9 @@ def stop_force(penetration: float, stiffness: float, softening: float) -> tuple[
 
 @njit(cache=True, error_model="numpy")
 def vehicle_loads(
-    parameters: np.ndarray, heights: Array, coordinates: Array, velocities: Array, reference: Array, loads: np.ndarray
-) -> None:
+    parameters: np.ndarray, heights: Array, coordinates: Array, velocities: Array, reference: Array, loads: np.ndarray,
+    generalized: Array,
+) -> None:  # fmt: skip
     """Compute the loads on all bodies for given coordinates.
 
     Parameters
@@ -147,7 +150,10 @@ def vehicle_loads(
     coordinates, velocities, reference : array, shape (63,)
         Node displacements and Euler-parameter increments, their rates, and the reference values.
     loads : array of dtype `LOADS`, shape (1,)
-        ``loads["water_wrench"]`` is read; everything else is written.
+        ``water_wrench`` and ``point_wrench`` are read; everything else is written.
+    generalized : array, shape (63,), changed
+        The same loads as generalised forces on the coordinates: for each body its force [N] and 2 G^T(e) times its
+        torque [N m].
     """
     p = parameters[0]
     out = loads[0]
@@ -159,6 +165,21 @@ def vehicle_loads(
         _water_on_wheel(p, motion, i, out)
         _suspension(p, motion, i, out)
         _soil(p, heights, motion, i, contact, out)
+    _generalize(motion, out, generalized)
+
+
+@njit(cache=True, error_model="numpy")
+def _generalize(motion: BodyMotion, out: Any, generalized: Array) -> None:
+    for k in range(3):
+        generalized[k] = out.hull_force[k]
+    generalized_moment(motion.node[0], out.hull_torque, generalized[3:7])
+    for i in range(4):
+        upright, wheel = 7 * (1 + i), 7 * (5 + i)
+        for k in range(3):
+            generalized[upright + k] = out.upright_force[i, k]
+            generalized[wheel + k] = 0.0
+        generalized_moment(motion.node[1 + i], out.upright_torque[i], generalized[upright + 3 : upright + 7])
+        generalized_moment(motion.node[5 + i], out.wheel_torque[i], generalized[wheel + 3 : wheel + 7])
 
 
 @njit(cache=True, error_model="numpy")
@@ -180,6 +201,7 @@ def _start_sums(p: Any, motion: BodyMotion, out: Any) -> None:
     out.damper_power = 0.0
     out.water_power = 0.0
     out.settling_power = 0.0
+    out.point_power = 0.0
     out.spring_energy = 0.0
     out.deepest = 0.0
     kinetic = 0.0
@@ -208,8 +230,9 @@ def _water_on_hull(p: Any, motion: BodyMotion, out: Any) -> None:
         f_s = -p.settling_rate * p.body_mass[0] * rate[k]
         t_s = -p.settling_rate * p.body_inertia[0, k] * turning[k]
         out.settling_power += f_s * rate[k] + t_s * turning[k]
-        out.hull_force[k] = f + f_s
-        out.hull_torque[k] = t + t_s
+        out.point_power += out.point_wrench[0, k] * rate[k] + out.point_wrench[0, 3 + k] * turning[k]
+        out.hull_force[k] = f + f_s + out.point_wrench[0, k]
+        out.hull_torque[k] = t + t_s + out.point_wrench[0, 3 + k]
     if p.hold_rate > 0.0:
         _hold(p, motion, out)
 
@@ -249,8 +272,9 @@ def _water_on_wheel(p: Any, motion: BodyMotion, i: int, out: Any) -> None:
         out.water_power += f * rate[k] + t * turning[k]
         f_s = -p.settling_rate * (p.body_mass[1 + i] + p.body_mass[5 + i]) * rate[k]
         out.settling_power += f_s * rate[k]
-        out.upright_force[i, k] = f + f_s
-        out.upright_torque[i, k] = t
+        out.point_power += out.point_wrench[1 + i, k] * rate[k] + out.point_wrench[1 + i, 3 + k] * turning[k]
+        out.upright_force[i, k] = f + f_s + out.point_wrench[1 + i, k]
+        out.upright_torque[i, k] = t + out.point_wrench[1 + i, 3 + k]
 
 
 @njit(cache=True, error_model="numpy")

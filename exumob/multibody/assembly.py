@@ -1,12 +1,12 @@
 """Assembly of the vehicle as an Exudyn system: nine rigid bodies, their joints and the user loads on them.
 
-Joints are algebraic constraints. Steering and wheel spin are prescribed in time by kinematic constraints, which read a
-`DrivingCommand`; every user load reads its row of the record `exumob.multibody.applied_loads.LOADS`.
+Joints are algebraic constraints. Steering and wheel spin are prescribed in time by kinematic constraints, whose offsets
+are written anew for each step. The loads enter as one vector of generalised forces (`Joints.force_object`), or as user
+loads on each body, which read their rows of the record `exumob.multibody.applied_loads.LOADS`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +22,7 @@ from exudyn.itemInterface import (
     NodePointGround,
     ObjectConnectorCoordinate,
     ObjectConnectorDistance,
+    ObjectGenericODE2,
     ObjectJointGeneric,
     ObjectJointRevoluteZ,
 )
@@ -31,41 +32,35 @@ from exumob.ground.terrain import Terrain
 from exumob.multibody.placing import standing_pose
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
-from exumob.vehicle.parameters import Motion, Vehicle, Wishbones
+from exumob.vehicle.parameters import Vehicle, Wishbones
 
 SPIN_FRAME = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]).T
 """Joint frame in wheel axes: its z axis is the wheel's y axis."""
 
 
 class DrivingCommand:
-    """Steering angles of the front wheels and the wheel speed at one instant, as the constraints read them."""
+    """Steering angles of the front wheels and the wheel speed at one instant."""
 
     def __init__(self) -> None:
         """Wheels straight and at rest."""
         self.angles = [0.0, 0.0]
         """Front-left and front-right steering angle [rad]"""
-        self.wheel_speed = 0.0
-        """Spin of all wheels [rad/s]"""
         self.rates = np.zeros(3)
-        """Rates of the two angles, and the wheel speed again [rad/s]"""
-
-    def set(self, left: Motion, right: Motion, wheel_speed: float) -> None:
-        """Prescribe the motion of the front wheels' angles and the wheel speed [rad/s]."""
-        self.angles[:] = left[0], right[0]
-        self.wheel_speed = wheel_speed
-        self.rates[:] = left[1], right[1], wheel_speed
+        """Rates of the two angles, and the wheel speed [rad/s]"""
 
 
 class Joints(NamedTuple):
-    """Numbers of the constraint objects in the Exudyn system."""
+    """Numbers of the objects in the Exudyn system that are written to while it runs."""
 
     steering: list[int]
     """Rotations of the uprights about the hull's z axis: front wheels first; rear ones only with wishbones"""
     spin: list[int]
     """Rotations of the four wheels about their axles, on velocity level"""
+    force_object: int | None
+    """Takes the generalised forces of all loads; None where each load is a user function"""
 
 
-def assemble(mbs: Any, vehicle: Vehicle, terrain: Terrain, command: DrivingCommand, loads: np.void) -> Joints:
+def assemble(mbs: Any, vehicle: Vehicle, terrain: Terrain, command: DrivingCommand, loads: np.void | None) -> Joints:
     """Build the vehicle at ride height on the terrain, and assemble the system.
 
     Parameters
@@ -76,15 +71,15 @@ def assemble(mbs: Any, vehicle: Vehicle, terrain: Terrain, command: DrivingComma
     terrain : Terrain
         The vehicle stands at the world's origin, laid on the ground under its wheels.
     command : DrivingCommand
-        Read by the steering and spin constraints while the system runs.
-    loads : record of dtype `exumob.multibody.applied_loads.LOADS`
-        Read by the user loads while the system runs.
+        The steering constraints read their rates from it while the system runs.
+    loads : record of dtype `exumob.multibody.applied_loads.LOADS`, optional
+        Read by user loads while the system runs. None: one object takes the generalised forces of all loads.
     """
     suspensions = [suspension for suspension in vehicle.axle_suspensions for _ in range(2)]
     hull, uprights, wheels = _add_bodies(mbs, vehicle, terrain)
     node = mbs.AddNode(NodePointGround())
     ground = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=node, coordinate=0))
-    joints = Joints([], [])
+    steering, spin = [], []
     for i, suspension in enumerate(suspensions):
         steered = i < 2
         center = vehicle.wheel_centers[i] - vehicle.hull_origin
@@ -93,29 +88,29 @@ def assemble(mbs: Any, vehicle: Vehicle, terrain: Terrain, command: DrivingComma
         else:
             _add_wishbones(mbs, (hull, uprights[i]), center, suspension.wishbones)
         if steered or suspension.wishbones is not None:
-            joints.steering.append(
-                _prescribe_rotation(
-                    mbs, ground, (hull, uprights[i]), [0.0, 0.0, 1.0],
-                    rate=(lambda *_, i=i: float(command.rates[i])) if steered else (lambda *_: 0.0),
-                    angle=(lambda *_, i=i: command.angles[i]) if steered else (lambda *_: 0.0),
-                )
-            )  # fmt: skip
+            marker = _relative_rotation(mbs, hull, uprights[i], [0.0, 0.0, 1.0])
+            rate = (lambda *_, i=i: float(command.rates[i])) if steered else 0  # the projection of velocities needs it
+            steering.append(
+                mbs.AddObject(ObjectConnectorCoordinate(markerNumbers=[ground, marker], offsetUserFunction_t=rate))
+            )
         markers = [
             mbs.AddMarker(MarkerBodyRigid(bodyNumber=b, localHT=exu.HT(rotation=SPIN_FRAME)))
             for b in (uprights[i], wheels[i])
         ]
         mbs.AddObject(ObjectJointRevoluteZ(markerNumbers=markers))
-        joints.spin.append(
-            _prescribe_rotation(
-                mbs, ground, (uprights[i], wheels[i]), [0.0, 1.0, 0.0], rate=lambda *_: command.wheel_speed
-            )
-        )
-    _apply_load(mbs, hull, loads["hull_force"], loads["hull_torque"])
-    for i in range(4):
-        _apply_load(mbs, uprights[i], loads["upright_force"][i], loads["upright_torque"][i])
-        _apply_load(mbs, wheels[i], None, loads["wheel_torque"][i])
+        marker = _relative_rotation(mbs, uprights[i], wheels[i], [0.0, 1.0, 0.0])
+        spin.append(mbs.AddObject(ObjectConnectorCoordinate(markerNumbers=[ground, marker], velocityLevel=True)))
+    force_object = None
+    if loads is None:
+        nodes = [mbs.GetObject(body)["nodeNumber"] for body in (hull, *uprights, *wheels)]
+        force_object = mbs.AddObject(ObjectGenericODE2(nodeNumbers=nodes, forceVector=np.zeros(7 * len(nodes))))
+    else:
+        _apply_load(mbs, hull, loads["hull_force"], loads["hull_torque"])
+        for i in range(4):
+            _apply_load(mbs, uprights[i], loads["upright_force"][i], loads["upright_torque"][i])
+            _apply_load(mbs, wheels[i], None, loads["wheel_torque"][i])
     mbs.Assemble()
-    return joints
+    return Joints(steering, spin, force_object)
 
 
 def _add_bodies(mbs: Any, vehicle: Vehicle, terrain: Terrain) -> tuple[int, list[int], list[int]]:
@@ -175,25 +170,10 @@ def _add_wishbones(mbs: Any, bodies: tuple[int, int], center: Array, arms: Wishb
             mbs.AddObject(ObjectConnectorDistance(markerNumbers=markers, distance=float(np.hypot(length, x))))
 
 
-def _prescribe_rotation(
-    mbs: Any,
-    ground: int,
-    bodies: tuple[int, int],
-    axis: list[float],
-    rate: Callable[..., float],
-    angle: Callable[..., float] | None = None,
-) -> int:
-    """Prescribe the rotation of the second body relative to the first about an axis; without an angle, its rate."""
-    marker = mbs.AddMarker(MarkerBodiesRelativeRotationCoordinate(bodyNumbers=list(bodies), axis0=axis))
-    joint: int = mbs.AddObject(
-        ObjectConnectorCoordinate(
-            markerNumbers=[ground, marker],
-            velocityLevel=angle is None,
-            offsetUserFunction=angle or 0,
-            offsetUserFunction_t=rate,
-        )
-    )
-    return joint
+def _relative_rotation(mbs: Any, first: int, second: int, axis: list[float]) -> int:
+    """Return a marker of the rotation of the second body relative to the first about an axis."""
+    marker: int = mbs.AddMarker(MarkerBodiesRelativeRotationCoordinate(bodyNumbers=[first, second], axis0=axis))
+    return marker
 
 
 def _apply_load(mbs: Any, body: int, force: Array | None, torque: Array) -> None:

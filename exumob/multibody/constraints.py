@@ -1,4 +1,4 @@
-"""The constraints of an assembled Exudyn system: residuals, reactions, and projection on their manifold.
+"""The constraints of an assembled Exudyn system: residuals, and projection on their manifold.
 
 Exudyn's time integrator does not give these out; a second solver object in dense mode, on the same system, does.
 """
@@ -24,8 +24,6 @@ class Constraints:
         Assembled system. Making this object resets its state to the initial configuration.
     coordinates, velocities, multipliers : array
         Live views of the system's state, shapes (63,), (63,) and (constraints,).
-    reference : array, shape (63,)
-        Reference coordinates, to be added to `coordinates`.
     spin_rows : array of int, shape (4,)
         Rows of the wheel-spin constraints, which act on velocity level.
     """
@@ -36,12 +34,11 @@ class Constraints:
         coordinates: Array,
         velocities: Array,
         multipliers: Array,
-        reference: Array,
         spin_rows: NDArray[np.int64],
     ) -> None:
         """Prepare the second solver."""
         self._mbs = mbs
-        self._q, self._v, self._multipliers, self._reference = coordinates, velocities, multipliers, reference
+        self._q, self._v, self._multipliers = coordinates, velocities, multipliers
         self._spin_rows = spin_rows
         settings = quiet_settings()
         settings.linearSolver.solverType = exu.LinearSolverType.EXUdense
@@ -73,26 +70,6 @@ class Constraints:
         residual = np.abs(self.residual(False))
         return float(residual[~self._velocity_level].max()), float(residual[self._velocity_level].max())
 
-    def wrenches(self) -> Array:
-        """Return the wrenches of all constraints on the nine bodies, shape (9, 6).
-
-        Force [N] and moment about the body's origin [N m], world axes, from the Lagrange multipliers (paper Eq. 6):
-        Q = -C_q^T lambda; torque = G(e) Q_e / 2. The multiplier of a spin constraint is a torque about the axle.
-        """
-        multipliers = np.array(self._multipliers)
-        spin_torque = -multipliers[self._spin_rows]
-        multipliers[self._velocity_level] = 0.0
-        generalized = (-multipliers @ self._derivative(1.0, 0.0)).reshape(9, 7)
-        nodes = (np.array(self._q) + self._reference).reshape(9, 7)
-        wrenches = np.empty((9, 6))
-        wrenches[:, :3] = generalized[:, :3]
-        wrenches[:, 3:] = 0.5 * np.einsum("nij,nj->ni", _euler_map(nodes[:, 3:]), generalized[:, 3:])
-        w, x, y, z = nodes[1:5, 3:].T
-        axles = np.stack([2.0 * (x * y - w * z), 2.0 * (w * w + y * y) - 1.0, 2.0 * (y * z + w * x)], axis=-1)
-        wrenches[5:, 3:] += spin_torque[:, None] * axles
-        wrenches[1:5, 3:] -= spin_torque[:, None] * axles
-        return wrenches
-
     def project(self, tolerance: float = 1e-14) -> None:
         """Move the system's coordinates and velocities to the nearest ones that meet the constraints.
 
@@ -108,13 +85,6 @@ class Constraints:
             jacobian = np.where(self._velocity_level[:, None], 0.0, self._derivative(1.0, 0.0))
             self._q[:] = np.array(self._q) - _smallest_correction(mass, jacobian, residual)
         self._v[:] = np.array(self._v) - _smallest_correction(mass, self.jacobian(), self.residual(True))
-
-
-def _euler_map(e: Array) -> Array:
-    """G of w = 2 G(e) e_t: world angular velocity from Euler parameters, shape (n, 4) -> (n, 3, 4)."""
-    a, b, c, d = e.T
-    rows = [-b, a, -d, c], [-c, d, a, -b], [-d, -c, b, a]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
 
 
 def _smallest_correction(mass: Array, jacobian: Array, residual: Array) -> Array:

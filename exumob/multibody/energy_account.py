@@ -7,7 +7,7 @@ from numba import njit
 
 from exumob.support.arrays import Array
 
-WORK_KINDS = ("soil", "damper", "water", "spin", "steering", "settling")
+WORK_KINDS = ("soil", "damper", "water", "spin", "steering", "settling", "point forces")
 """Kinds of loads that do work on the vehicle, in the order of the arrays of `ENERGY_ACCOUNT`."""
 
 ENERGY_ACCOUNT = np.dtype(
@@ -54,7 +54,9 @@ def add_work(
     steering = 0.0
     for i in range(2):
         steering -= multipliers[steering_rows[i]] * rates[i]
-    power = np.array((out.soil_power, out.damper_power, out.water_power, spin, steering, out.settling_power))
+    power = np.array(
+        (out.soil_power, out.damper_power, out.water_power, spin, steering, out.settling_power, out.point_power)
+    )
     half_step = 0.5 * (time - account.time)
     for i in range(len(WORK_KINDS)):
         account.work[i] += half_step * (account.power[i] + power[i])

@@ -19,15 +19,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from exumob.multibody.solver_settings import TOLERANCE
 from exumob.support.arrays import Array
 from exumob.support.errors import SimulationError
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 
-SETTLING_STEP = 5.0e-3
+SETTLING_STEP = 10.0e-3
 """Macro step while the static equilibrium is sought [s]."""
-SETTLING_MICRO_STEP = 1.0e-3
+SETTLING_MICRO_STEP = 2.5e-3
 """Step of the time integration meanwhile [s]."""
+SHORT_MICRO_STEP = 1.0e-3
+"""The same where the soil may stick and slip [s]."""
+ROUGH = 1.0e-6
+"""Tolerance of Newton's iterations until the last stage, which is solved as the run itself is."""
 SLIPPERY = 20.0
 """How much faster than the true soil the slippery one creeps."""
 FIRM_CREEP = 0.1
@@ -36,6 +41,8 @@ GENTLE = 1.4
 """Ratio of the rates of two gentle steps; at 2 the vehicle falls into stick and slip on LETE sand at 14 degrees."""
 PATIENCE = 6.0
 """Longest simulated time of a stage [s]."""
+LONG_STEPS_PATIENCE = 2.0
+"""Simulated time after which a stage goes on in short steps [s]: in long ones, wheels may go on to stick and slip."""
 HOLD_RATE = 100.0
 """Natural frequency of the hold [rad/s]: a load of a third of the weight moves the hull by 0.3 mm."""
 HOLD_TIME = 15.0
@@ -55,6 +62,10 @@ class Stage(NamedTuple):
     """Damping in proportion to mass [1/s]"""
     target: float
     """Largest acceleration at which the stage ends, over gravity"""
+    tolerance: float = ROUGH
+    """Of Newton's iterations"""
+    micro_step: float = SETTLING_MICRO_STEP
+    """[s]"""
 
 
 @dataclass(frozen=True)
@@ -78,7 +89,7 @@ def relax(
     parameters: np.void,
     loads: np.void,
     water_wrenches: Callable[[BodyStates], Array],
-    advance: Callable[[float], BodyStates],
+    advance: Callable[[float, float, float], BodyStates],
     begin: Callable[[], BodyStates],
     state: Callable[[], tuple[Array, Array]],
 ) -> Start:
@@ -93,7 +104,7 @@ def relax(
     water_wrenches : callable
         Wrenches of the water for given states, shape (5, 6), asked for every `SETTLING_STEP`.
     advance : callable
-        Integrates to a time [s] and returns the states reached.
+        Integrates to a time [s] with a micro step [s] and a tolerance, and returns the states reached.
     begin : callable
         Puts the vehicle where it was laid, at time 0, and returns its states, n = 1.
     state : callable
@@ -122,7 +133,7 @@ class _Search:
         parameters: np.void,
         loads: np.void,
         water_wrenches: Callable[[BodyStates], Array],
-        advance: Callable[[float], BodyStates],
+        advance: Callable[[float, float, float], BodyStates],
         state: Callable[[], tuple[Array, Array]],
     ) -> None:
         self.vehicle, self.parameters, self.loads, self.state = vehicle, parameters, loads, state
@@ -130,19 +141,23 @@ class _Search:
         self.damping = 2.0 * float(np.sqrt(parameters["stiffness"].sum() / vehicle.mass))  # about critical for heave
         self.standstill_rate = float(parameters["standstill_rate"])
         self.slowest = float(parameters["wheel_radius"]) * self.standstill_rate
+        self.last_acceleration = np.inf
 
     def _step(self, number: int, stage: Stage, present: BodyStates) -> tuple[BodyStates, float]:
         """Take a macro step of a stage; return the states reached and their largest acceleration [m/s^2]."""
         self.parameters["standstill_rate"] = stage.softness * self.standstill_rate
         self.parameters["settling_rate"] = stage.damping
         self.loads["water_wrench"] = self.water_wrenches(present)
-        present = self.advance((number + 1) * SETTLING_STEP)
-        return present, max(np.abs(present.acceleration).max(), 0.1 * np.abs(present.angular_acceleration).max())
+        present = self.advance((number + 1) * SETTLING_STEP, stage.micro_step, stage.tolerance)
+        acceleration = max(np.abs(present.acceleration).max(), 0.1 * np.abs(present.angular_acceleration).max())
+        # of two instants: an oscillation passes through zero
+        self.last_acceleration, largest = acceleration, max(acceleration, self.last_acceleration)
+        return present, largest
 
     def free(self, present: BodyStates) -> Start:
         """Let the vehicle find its rest, or see that it slides."""
         # slippery soil first: friction at the tyres would hold a linkage suspension back
-        stages = [Stage(SLIPPERY, self.damping, 1e-5), Stage(1.0, self.damping, 1e-6), Stage(1.0, 0.0, 3e-7)]
+        stages = [Stage(SLIPPERY, self.damping, 1e-5), Stage(1.0, self.damping, 1e-6), Stage(1.0, 0.0, 3e-7, TOLERANCE)]
         last: Start | None = None
         begin = step = 0
         while stages and (step - begin) * SETTLING_STEP < PATIENCE:
@@ -167,6 +182,9 @@ class _Search:
             elif step * SETTLING_STEP > 1.0 and speed > SLIPPERY * self.slowest:
                 last = None
                 break
+            elif (step - begin) * SETTLING_STEP > LONG_STEPS_PATIENCE and stage.micro_step > SHORT_MICRO_STEP:
+                stages[0] = stage._replace(micro_step=SHORT_MICRO_STEP)
+                begin = step + 1
             step += 1
         if last is None:
             coordinates, velocities = self.state()
@@ -208,4 +226,4 @@ class _Search:
 def _gentle_steps(damping: float) -> list[Stage]:
     """Stages between the slippery and the true soil."""
     count = int(np.log(SLIPPERY) / np.log(GENTLE))
-    return [Stage(SLIPPERY / GENTLE**n, damping, 1e-5) for n in range(1, count + 1)]
+    return [Stage(SLIPPERY / GENTLE**n, damping, 1e-5, ROUGH, SHORT_MICRO_STEP) for n in range(1, count + 1)]

@@ -6,11 +6,17 @@ from typing import Any
 
 from exumob.support.exudyn import exu
 
-TOLERANCE = 1e-8
-"""Relative tolerance of Newton's iterations. A run of 8 s ends within 3e-8 m of one at 1e-9 then; at 1e-5, which takes
-0.75 of the time, 3e-4 m off (`benchmarks/newton_tolerance.py`)."""
+SPECTRAL_RADIUS = 0.8
+"""Of the generalised-alpha method at infinity [-]."""
 
-LOOSER = (1e-7, 1e-6, 1e-5)
+CONTRACTIVITY = 0.2
+"""Factor by which an iteration must shrink the residual; where it does not, the Jacobian is computed anew."""
+
+TOLERANCE = 2e-9
+"""Tolerance of Newton's iterations: length of the vector of residuals over the vehicle's weight. How far runs end from
+one that is solved further, and what that costs, is measured by `benchmarks/newton_tolerance.py`."""
+
+LOOSER = (1e-8, 1e-7, 1e-6, 1e-5)
 """Tolerances for a macro step in which rounding keeps Newton's iterations from `TOLERANCE`, in turn."""
 
 
@@ -24,25 +30,26 @@ def quiet_settings() -> Any:
     return settings
 
 
-def integration_settings(step: float, duration: float, tolerance: float = TOLERANCE) -> Any:
+def integration_settings(step: float, duration: float, absolute_tolerance: float) -> Any:
     """Return settings of the generalised-alpha time integration with modified Newton iterations.
 
     Parameters
     ----------
     step, duration : float
         Time step and length of the run [s].
-    tolerance : float
-        Relative tolerance of Newton's iterations; the absolute one is a hundredth of it [N, N m].
+    absolute_tolerance : float
+        Of Newton's iterations: root mean square of the residuals [N, N m]. A tolerance relative to the first residual
+        would mean little: the better the first guess, the smaller that is.
     """
     settings = quiet_settings()
     integration = settings.timeIntegration
     integration.numberOfSteps = max(round(duration / step), 1)
     integration.endTime = integration.numberOfSteps * step
-    integration.generalizedAlpha.spectralRadius = 0.8
+    integration.generalizedAlpha.spectralRadius = SPECTRAL_RADIUS
     newton = integration.newton
     newton.useModifiedNewton = True
-    newton.modifiedNewtonContractivity = 0.05
-    newton.relativeTolerance, newton.absoluteTolerance = tolerance, 1e-2 * tolerance
+    newton.modifiedNewtonContractivity = CONTRACTIVITY
+    newton.relativeTolerance, newton.absoluteTolerance = 1e-14, absolute_tolerance
     settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
     settings.linearSolver.reuseAnalyzedPattern = True
     return settings

@@ -1,14 +1,15 @@
 """The vehicle as a redundant-coordinate Exudyn model (paper Eq. 6), advanced macro step by macro step.
 
-`exumob.multibody.assembly` builds the system; soil, suspension and water come from `exumob.multibody.applied_loads` as
-user loads: one gather before each Newton residual, each load returns its row.
+`exumob.multibody.assembly` builds the system; soil, suspension and water come from `exumob.multibody.applied_loads`, in
+one gather before each Newton residual. They enter as one vector of generalised forces, or, as Exudyn's users write
+them, as user loads that return their rows.
 """
 
 from __future__ import annotations
 
 import copy
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,16 +23,19 @@ from exumob.multibody.assembly import DrivingCommand, assemble
 from exumob.multibody.constraints import Constraints
 from exumob.multibody.energy_account import ENERGY_ACCOUNT, add_work
 from exumob.multibody.placing import standing_pose
+from exumob.multibody.predictor import NewmarkFactors, Predictor
+from exumob.multibody.reactions import constraint_wrenches
 from exumob.multibody.recorder import Recorder, SystemState
 from exumob.multibody.rigid_body import generalized_moment, rotation_matrix
 from exumob.multibody.settling import SETTLING_MICRO_STEP, Start, relax
 from exumob.multibody.soil_contact import DAMPING_ENTRIES, soil_damping
-from exumob.multibody.solver_settings import LOOSER, integration_settings
+from exumob.multibody.solver_settings import LOOSER, SPECTRAL_RADIUS, TOLERANCE, integration_settings
 from exumob.support.arrays import Array
 from exumob.support.errors import SimulationError
 from exumob.support.exudyn import exu
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
+from exumob.vehicle.point_force import PointForce
 
 logger = logging.getLogger(__name__)
 
@@ -43,6 +47,7 @@ class SavedState:
     time: float
     coordinates: dict[str, Array]
     algorithmic_acceleration: Array
+    predictor: Array
     loads: np.ndarray
     energy_account: np.ndarray
     samples: int
@@ -71,6 +76,10 @@ class MultibodyVehicle:
         Interval between records of all loads and reactions [s].
     standstill_rate : float
         Spin below which the shear displacement is regularised [rad/s] (see `exumob.ground.terramechanics`).
+    user_loads : bool
+        Let each load enter as a user function of Exudyn (paper Sec. 2.2), not all of them as one vector.
+    forces : sequence of PointForce
+        Forces of the user's own.
 
     Notes
     -----
@@ -78,7 +87,7 @@ class MultibodyVehicle:
     Call `settle` once, then `advance` macro step by macro step.
     """
 
-    def __init__(
+    def __init__(  # one argument a part of the run; all but six have defaults
         self,
         vehicle: Vehicle,
         soil: Soil,
@@ -88,6 +97,8 @@ class MultibodyVehicle:
         duration: float,
         record_step: float = 1.0e-2,
         standstill_rate: float = 0.05,
+        user_loads: bool = False,
+        forces: Sequence[PointForce] = (),
     ) -> None:
         """Build the system at ride height on the terrain."""
         self.vehicle = vehicle
@@ -98,6 +109,11 @@ class MultibodyVehicle:
         self.micro_step = micro_step
         self.parameters = pack_parameters(vehicle, soil, terrain, standstill_rate)
         self.loads = np.zeros(1, LOADS)
+        self._generalized = np.zeros(63)
+        origins = np.vstack([vehicle.hull_origin, vehicle.wheel_centers])
+        self._forces = [
+            (force, force.body_number, np.array(force.point) - origins[force.body_number]) for force in forces
+        ]
         self.energy_account = np.zeros(1, ENERGY_ACCOUNT)
         self._heights = terrain.as_arrays()[1]
         self._ground_normal = standing_pose(vehicle, terrain)[1][:, 2]
@@ -109,7 +125,8 @@ class MultibodyVehicle:
 
         self._container = exu.SystemContainer()
         self.mbs = self._container.AddSystem()
-        joints = assemble(self.mbs, vehicle, terrain, self._command, self.loads[0])
+        joints = assemble(self.mbs, vehicle, terrain, self._command, self.loads[0] if user_loads else None)
+        self._joints = joints
         data = self.mbs.systemData
         self._q = data.GetODE2Coordinates(copy=False)  # live views
         self._v = data.GetODE2Coordinates_t(copy=False)
@@ -119,9 +136,12 @@ class MultibodyVehicle:
         self._steering_rows = np.array([data.GetObjectLTGAE(i)[0] for i in joints.steering], dtype=np.int64)
         self._spin_rows = np.array([data.GetObjectLTGAE(i)[0] for i in joints.spin], dtype=np.int64)
         self._damping_entries = np.zeros((DAMPING_ENTRIES, 3))
-        self._settings = integration_settings(micro_step, duration)
+        unknowns = len(self._q) + len(self._multipliers)
+        self._residual_scale = vehicle.mass * float(self.parameters[0]["gravity"]) / np.sqrt(unknowns)
+        self._settings = integration_settings(micro_step, duration, TOLERANCE * self._residual_scale)
         self._solver = exu.MainSolverImplicitSecondOrder()
-        self._constraints = Constraints(self.mbs, self._q, self._v, self._multipliers, self._reference, self._spin_rows)
+        self._constraints = Constraints(self.mbs, self._q, self._v, self._multipliers, self._spin_rows)
+        self._predictor = Predictor(self._q, self._v, self._a, self._multipliers, NewmarkFactors.of(SPECTRAL_RADIUS))
         self._recorder = Recorder(SystemState(self._q, self._v, self._a, self._reference), duration, record_step)
 
     # -- running -----------------------------------------------------------------------------------------------------
@@ -146,10 +166,17 @@ class MultibodyVehicle:
         SimulationError
             If a wheel sinks to its centre, or the vehicle tips over.
         """
-        settings = integration_settings(SETTLING_MICRO_STEP, 1.0, tolerance=1e-7)
-        settings.timeIntegration.newton.modifiedNewtonContractivity = 0.5  # half the time of 0.05; 1e-11 m apart
+        settings = integration_settings(SETTLING_MICRO_STEP, 1.0, TOLERANCE * self._residual_scale)
+        settings.timeIntegration.newton.modifiedNewtonContractivity = 0.5
+        present = SETTLING_MICRO_STEP, TOLERANCE
 
-        def advance(end_time: float) -> BodyStates:
+        def advance(end_time: float, micro_step: float, tolerance: float) -> BodyStates:
+            nonlocal present
+            if (micro_step, tolerance) != present:
+                present = micro_step, tolerance
+                settings.timeIntegration.numberOfSteps = round(settings.timeIntegration.endTime / micro_step)
+                settings.timeIntegration.newton.absoluteTolerance = tolerance * self._residual_scale
+                self._go_on_from(self.save(histories=False), settings)
             self._advance(settings, end_time)
             return self.present()
 
@@ -168,10 +195,8 @@ class MultibodyVehicle:
 
         self.parameters[0]["hold_place"] = self._reference[:3] + laid[0][:3]
         self.parameters[0]["hold_normal"] = self._ground_normal
-        try:
-            start = relax(self.vehicle, self.parameters[0], self.loads[0], water_wrenches, advance, begin, state)
-        finally:
-            self._solver.FinalizeSolver(self.mbs, settings)
+        start = relax(self.vehicle, self.parameters[0], self.loads[0], water_wrenches, advance, begin, state)
+        self._solver.FinalizeSolver(self.mbs, settings)
         self.start_kind = start.kind
         moving = initial_speed != 0.0 or self.maneuver.wheel_speed(0.0)[0] != 0.0
         velocities = self._rolling(start.coordinates, initial_speed) if moving else start.velocities
@@ -199,6 +224,7 @@ class MultibodyVehicle:
         self._driving = driving
         self.energy_account[:] = 0
         self._recorder.clear()
+        self._predictor.forget()
         self._looks = 0
         self._driver = self._feedback.driver(self.vehicle) if self._feedback and driving else None
         self._solver = exu.MainSolverImplicitSecondOrder()
@@ -213,6 +239,7 @@ class MultibodyVehicle:
         if not self._solver.InitializeSolver(self.mbs, settings):
             raise SimulationError(f"{self.vehicle.name}: Exudyn could not start: {self._solver.GetErrorString()}")
         self._evaluate(0.0)
+        self._predictor.remember(0.0)
         self._account(0.0)
         self._recorder.sample(0.0)
         self._look(0.0)
@@ -221,13 +248,41 @@ class MultibodyVehicle:
 
     def _prescribe(self, time: float) -> None:
         driver = self._driver or self.maneuver
-        left, right = self.vehicle.steering_angles(driver.steering(time if self._driving else 0.0))
+        steering = self.vehicle.steering_angles(driver.steering(time if self._driving else 0.0))
         speed = driver.wheel_speed(time)[0] if self._driving else 0.0
-        self._command.set(left, right, speed)
+        command = self._command
+        for i, (angle, rate, _) in enumerate(steering):
+            command.rates[i] = rate
+            if command.angles[i] != angle:
+                command.angles[i] = angle
+                self.mbs.SetObjectParameter(self._joints.steering[i], "offset", angle)
+        if command.rates[2] != speed:
+            command.rates[2] = speed
+            for joint in self._joints.spin:
+                self.mbs.SetObjectParameter(joint, "offset", speed)
 
     def _evaluate(self, time: float) -> None:
         self._prescribe(time)
-        vehicle_loads(self.parameters, self._heights, self._q, self._v, self._reference, self.loads)
+        self._apply_loads(time)
+
+    def _apply_loads(self, time: float) -> None:
+        if self._forces:
+            self._apply_forces(time if self._driving else 0.0)
+        vehicle_loads(self.parameters, self._heights, self._q, self._v, self._reference, self.loads, self._generalized)
+        if self._joints.force_object is not None:
+            self.mbs.SetObjectParameter(self._joints.force_object, "forceVector", self._generalized)
+
+    def _apply_forces(self, time: float) -> None:
+        """Ask for the user's forces, at their points as they move now."""
+        wrenches = self.loads[0]["point_wrench"]
+        wrenches[:] = 0.0
+        present = self.present()
+        for force, body, place in self._forces:
+            arm = present.rotation[0, body] @ place
+            velocity = present.velocity[0, body] + np.cross(present.angular_velocity[0, body], arm)
+            given = force.at(time, present.position[0, body] + arm, velocity)
+            wrenches[body, :3] += given
+            wrenches[body, 3:] += np.cross(arm, given)
 
     def _before_residual(self, mbs: Any, time: float, newton_iteration: int, discontinuous_iteration: int) -> None:
         if newton_iteration == 0:
@@ -235,7 +290,8 @@ class MultibodyVehicle:
             if self._changing_wrench is not None:
                 mean, rate, middle = self._changing_wrench
                 self.loads[0]["water_wrench"] = mean + (time - middle) * rate
-        vehicle_loads(self.parameters, self._heights, self._q, self._v, self._reference, self.loads)
+            self._predictor.predict(time)
+        self._apply_loads(time)
 
     def _load_jacobian(
         self, mbs: Any, time: float, factor: float, factor_velocity: float, factor_first_order: float
@@ -256,6 +312,7 @@ class MultibodyVehicle:
         )  # fmt: skip
 
     def _after_step(self, mbs: Any, time: float) -> bool:
+        self._predictor.remember(time)
         depth = self._account(time)
         if not depth < 1.0:
             raise self._sunk(time, depth)
@@ -289,7 +346,7 @@ class MultibodyVehicle:
 
     def _record(self, time: float) -> None:
         """Store all loads (at the converged state), reactions and constraint errors."""
-        vehicle_loads(self.parameters, self._heights, self._q, self._v, self._reference, self.loads)
+        self._apply_loads(time)
         self._recorder.add_record(
             time,
             loads=self.loads[0],
@@ -309,21 +366,21 @@ class MultibodyVehicle:
         if self._solve(settings, end_time):
             return
         newton = settings.timeIntegration.newton
-        usual = newton.relativeTolerance, newton.absoluteTolerance
+        usual = newton.absoluteTolerance
         for tolerance in LOOSER:
-            newton.relativeTolerance, newton.absoluteTolerance = tolerance, 1e-2 * tolerance
+            newton.absoluteTolerance = tolerance * self._residual_scale
             self._go_on_from(before, settings)
             if not self._solve(settings, end_time):
                 continue
             logger.warning(
                 "%s: %sNewton's iterations stopped short of the usual tolerance in the macro step that ends at %.4f s; "
-                "it was solved to %g of its first residual.", self.vehicle.name, self._phase, end_time, tolerance,
+                "it was solved to residuals of %g of the weight.", self.vehicle.name, self._phase, end_time, tolerance,
             )  # fmt: skip
             if self._driving:
-                newton.relativeTolerance, newton.absoluteTolerance = usual
+                newton.absoluteTolerance = usual
                 self._go_on_from(self.save(histories=False), settings)
             return
-        newton.relativeTolerance, newton.absoluteTolerance = usual
+        newton.absoluteTolerance = usual
         remedy = (
             "Halve micro_step, or soften the soil, the bump stops or the maneuver."
             if self._driving
@@ -419,6 +476,7 @@ class MultibodyVehicle:
             time=self.time,
             coordinates={k: np.array(v) for k, v in data.GetSystemStateDict().items()},
             algorithmic_acceleration=np.array(self._solver.GetAAlgorithmic()),
+            predictor=self._predictor.save(),
             loads=self.loads.copy(),
             energy_account=self.energy_account.copy(),
             **self._recorder.save(histories),
@@ -452,6 +510,7 @@ class MultibodyVehicle:
             current[k][:] = saved.coordinates[k]
         data.SetTime(saved.time)
         self._solver.it.currentTime = saved.time
+        self._predictor.restore(saved.predictor)
         self.loads[:] = saved.loads
         self.energy_account[:] = saved.energy_account
         self._recorder.restore(saved.samples, saved.rows, saved.history, saved.records)
@@ -462,8 +521,10 @@ class MultibodyVehicle:
         self._prescribe(saved.time)
 
     def constraint_wrenches(self) -> Array:
-        """Reactions on the nine bodies, see `Constraints.wrenches`."""
-        return self._constraints.wrenches()
+        """Reactions on the nine bodies, shape (9, 6), see `exumob.multibody.reactions.constraint_wrenches`."""
+        wrenches = np.empty((9, 6))
+        constraint_wrenches(self.parameters, self.loads, self._q, self._v, self._a, self._reference, wrenches)
+        return wrenches
 
     def constraint_errors(self) -> tuple[float, float]:
         """Largest constraint residuals now, see `Constraints.errors`."""

@@ -10,6 +10,7 @@ from exumob.driving.maneuver import Maneuver
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.vehicle.parameters import Vehicle
+from exumob.vehicle.point_force import PointForce
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics
 
@@ -38,6 +39,8 @@ class RunDescription:
     steps: Steps
     initial_speed: float
     """Speed at time 0 along the heading [m/s]"""
+    forces: tuple[PointForce, ...] = ()
+    """Forces of the user's own"""
 
     def parts(self) -> dict[str, Any]:
         """Return the parts by name; the steps as a dict of numbers [s]."""

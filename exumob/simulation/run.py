@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -36,6 +36,7 @@ from exumob.support.errors import SimulationError, SimulationInterrupted
 from exumob.support.quantities import INITIAL_SPEED, STEP
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
+from exumob.vehicle.point_force import PointForce
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics, SpinUpHydrodynamics
 
@@ -58,6 +59,7 @@ def simulate(  # one argument a part of the run; all but two have defaults
     terrain: Terrain | None = None,
     initial_speed: Annotated[float | None, INITIAL_SPEED] = None,
     coupling: Coupling | None = None,
+    forces: Sequence[PointForce] = (),
     checkpoint: str | Path | None = None,
     resume: bool = False,
     progress: Callable[[float], None] | None = None,
@@ -96,6 +98,8 @@ def simulate(  # one argument a part of the run; all but two have defaults
     coupling : Coupling, optional
         How vehicle and water agree within a macro step. Default: `SemiImplicit` for a flow code, `Explicit` (the
         paper's) for models that take account of added mass themselves.
+    forces : sequence of PointForce
+        Forces of your own on the vehicle, such as a tow rope. Not with `checkpoint`.
     checkpoint : path, optional
         File (.npz) that holds the whole run, written at the release, every half second and when it stops or breaks.
     resume : bool
@@ -141,11 +145,16 @@ def simulate(  # one argument a part of the run; all but two have defaults
     run = RunDescription(
         vehicle, soil, water, terrain, maneuver, hydrodynamics,
         (SemiImplicit() if in_loop else Explicit()) if coupling is None else coupling, steps, speed,
+        tuple(forces),
     )  # fmt: skip
     prepare(run, commands, None if checkpoint is None else Path(checkpoint))
     store = None
     if checkpoint is not None:
         check_described(maneuver)
+        if forces:
+            raise ValueError(
+                "simulate.forces: a checkpoint cannot tell one function from another; leave out checkpoint or forces."
+            )
         store = Checkpoints(Path(checkpoint), Fingerprint.of(run), resume)
     elif resume:
         raise ValueError("simulate.resume: there is nothing to go on from without checkpoint; give its file.")
@@ -158,8 +167,9 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
     began = time.perf_counter()
     say_compilation("the vehicle model", vehicle_loads, "half a minute to a minute")
     model = MultibodyVehicle(
-        run.vehicle, run.soil, run.maneuver, run.terrain, steps.micro_step, steps.duration, steps.record_step
-    )
+        run.vehicle, run.soil, run.maneuver, run.terrain, steps.micro_step, steps.duration, steps.record_step,
+        forces=run.forces,
+    )  # fmt: skip
     scheme.start()
     first = 0
     if store is not None and store.released:

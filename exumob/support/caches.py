@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import atexit
 import os
-import shutil
 import sys
-import tempfile
 from pathlib import Path
 
-from exumob.support.files import PACKAGE
-
 VARIABLE = "NUMBA_CACHE_DIR"
+PACKAGE = Path(__file__).parents[1]  # as in `exumob.support.files`, which imports more
 
 
 def provide_cache() -> None:
@@ -24,6 +21,9 @@ def provide_cache() -> None:
     given = os.environ.get(VARIABLE)
     if (given and _writable(Path(given))) or _sources_writable() or _home_writable():
         return
+    import shutil
+    import tempfile  # seldom needed, and slow to import
+
     folder = tempfile.mkdtemp(prefix="exumob-kernels-")  # mode 0700
     os.environ[VARIABLE] = folder
     numba = sys.modules.get("numba")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import inspect
 import logging
+import pickle
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from exumob.support.caches import VARIABLE, is_private
@@ -16,18 +15,12 @@ _said: set[str] = set()
 
 
 def is_compiled(kernel: Callable[..., Any]) -> bool:
-    """Return whether a kernel of Numba is compiled in this process, or kept on the disk newer than its source."""
+    """Return whether a kernel of Numba is compiled in this process, or kept on the disk for its source as it is now."""
     if not hasattr(kernel, "stats") or getattr(kernel, "signatures", None):
         return True  # plain Python (NUMBA_DISABLE_JIT), or compiled here
-    folder = kernel.stats.cache_path
-    if folder is None:
-        return False
-    function = kernel.py_func  # type: ignore[attr-defined]
-    try:
-        changed = Path(inspect.getfile(function)).stat().st_mtime
-        kept = Path(folder).glob(f"{Path(inspect.getfile(function)).stem}.{function.__qualname__}-*.nbi")
-        return any(file.stat().st_mtime >= changed for file in kept)
-    except OSError:
+    try:  # Numba alone knows what it takes for fresh (dates, or digests of the source), and has no public way to ask
+        return bool(kernel._cache._cache_file._load_index())  # type: ignore[attr-defined]
+    except (AttributeError, OSError, EOFError, pickle.UnpicklingError):  # not kept, or what is kept is damaged
         return False
 
 

@@ -2,26 +2,54 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
+import functools
 import os
+import signal
+import sys
 import threading
 import time
+from pathlib import Path
 
 INTERVAL = 0.5
 """How often a process looks for its parent [s]."""
 
 
+@functools.cache
 def end_with_parent(parent: int) -> None:
-    """Let this process end soon after its parent has, however that ended; for the initializers of pools.
+    """Let this process end soon after its parent has, however that ended; in the processes of pools.
+
+    On Linux the system kills it, whatever it is at; elsewhere it looks for its parent. Further calls do nothing.
 
     Parameters
     ----------
     parent : int
         Process id of the parent.
     """
+    above = os.getppid()  # not the parent itself where a server starts the processes, which ends with the parent
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+        if os.getppid() != above or not lives(parent):  # it ended before that call; a subreaper may have taken over
+            os._exit(1)
+        return
 
     def watch() -> None:
-        while os.getppid() == parent:
+        while os.getppid() == above:
             time.sleep(INTERVAL)
         os._exit(1)
 
     threading.Thread(target=watch, name="end with parent", daemon=True).start()
+
+
+def lives(pid: int) -> bool:
+    """Whether there is a process of this number that has not ended; a zombie has."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    return True

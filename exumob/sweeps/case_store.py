@@ -35,6 +35,7 @@ from exumob.support.files import atomic_write
 from exumob.support.provenance import package_version, provenance
 from exumob.support.quantities import shown
 from exumob.sweeps.experiment import Experiment
+from exumob.sweeps.handing_over import WithVehicleFiles
 from exumob.sweeps.identity import differences, digest, file_text, identity, stable_repr
 from exumob.sweeps.sampling import ROW_BYTES, Case
 
@@ -64,7 +65,7 @@ class StorageError(OSError):
     """The folder of a sweep cannot be written; what was computed until then is kept."""
 
 
-class CaseStore:
+class CaseStore(WithVehicleFiles):
     """Folder of a sweep.
 
     ``sweep.json`` describes what is run, ``cases/<number>.json`` how each case ended, ``begun/<number>.json`` which

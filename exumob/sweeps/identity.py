@@ -2,7 +2,7 @@
 
 Values become texts by dotted name, so that an error can say what differs. Arrays count with all of their elements,
 files with their contents. Of the code, that of exumob counts as a whole; of the user's own the function counts, with
-every function, class, constant and module of the user that it names.
+every function, class, constant and module of the user that it names, its default arguments and what it closes over.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import contextlib
 import functools
 import hashlib
 import inspect
+import logging
 import re
 import site
 import sys
@@ -87,9 +88,11 @@ def _contents(file: Path, *_about: int) -> str:
 class _Walk:
     """Goes through what a function holds."""
 
-    def __init__(self, found: Identity) -> None:
+    def __init__(self, found: Identity, above: list[Any] | None = None, seen: list[Any] | None = None) -> None:
         self.found = found
-        self.above: list[Any] = []
+        self.above: list[Any] = [] if above is None else above
+        self.seen: list[Any] = [] if seen is None else seen
+        """Functions, classes and modules whose code is added; several may have the same name"""
 
     def value(self, thing: Any, path: str) -> None:
         """Add what stands at a path, and all within it."""
@@ -134,10 +137,15 @@ class _Walk:
         elif inspect.ismethod(thing):
             self._add(path, f"method {thing.__func__.__qualname__}")
             self.code(thing.__func__)
-            self._parts(path, (("of", thing.__self__),))
+            self._parts(path, (("of", thing.__self__), *_bound_to(thing.__func__)))
+        elif isinstance(thing, ModuleType | logging.Logger):  # a logger's state is that of the process
+            self._add(path, thing.__name__ if isinstance(thing, ModuleType) else f"Logger {thing.name}")
+            self.code(thing)
         elif isinstance(thing, type) or inspect.isroutine(thing):
             self._add(path, getattr(thing, "__qualname__", stable_repr(thing)))
             self.code(thing)
+            if _is_users(_module_of(thing)):
+                self._parts(path, _bound_to(thing))
         else:
             self._object(thing, path)
 
@@ -164,26 +172,39 @@ class _Walk:
 
     def code(self, thing: Any) -> None:
         """Add the code of a function, class or module of the user, and of all of the user's own that it names."""
-        thing = inspect.unwrap(thing) if callable(thing) else thing
-        module = thing if isinstance(thing, ModuleType) else sys.modules.get(getattr(thing, "__module__", "") or "")
-        if module is not None and not _is_users(module):
+        if not isinstance(thing, FunctionType | type | ModuleType) and callable(thing):
+            thing = inspect.unwrap(thing)
+        module = _module_of(thing)
+        if (module is not None and not _is_users(module)) or any(thing is other for other in self.seen):
             return
+        self.seen.append(thing)
         place = Path(getattr(module, "__file__", None) or "").stem
-        name = f"{place}.{thing.__qualname__}" if hasattr(thing, "__qualname__") else place
-        if name in self.found.code:
-            return
-        self.found.code[name] = digest(source(thing))
+        self._add_code(f"{place}.{thing.__qualname__}" if hasattr(thing, "__qualname__") else place, source(thing))
         for label, other in _named_by(thing):
-            if isinstance(other, ModuleType | type) or inspect.isroutine(other):
+            if isinstance(other, ModuleType | type) or (inspect.isroutine(other) and not inspect.ismethod(other)):
                 self.code(other)
-            elif _is_data(other):
-                inner = Identity()
-                _Walk(inner).value(other, label)
-                self.found.code[f"{place}.{label}"] = inner.values_digest()
+            else:
+                inner = Identity(code=self.found.code)
+                _Walk(inner, self.above, self.seen).value(other, label)
+                self._add_code(f"{place}.{label}", inner.values_digest())
+
+    def _add_code(self, name: str, text: str) -> None:
+        """Add a text under its name, with a number if another has that: a wrapper has the name of what it wraps."""
+        number, free, wanted = 1, name, digest(text)
+        while self.found.code.get(free, wanted) != wanted:
+            number += 1
+            free = f"{name} ({number})"
+        self.found.code[free] = wanted
 
 
-def _is_users(module: ModuleType) -> bool:
+def _module_of(thing: Any) -> ModuleType | None:
+    return thing if isinstance(thing, ModuleType) else sys.modules.get(getattr(thing, "__module__", "") or "")
+
+
+def _is_users(module: ModuleType | None) -> bool:
     """Whether a module is a file outside of the package, of Python and of what is installed."""
+    if module is None:
+        return True
     file = getattr(module, "__file__", None)
     if file is None:
         return module.__name__ == "__main__"
@@ -199,19 +220,57 @@ def _installed() -> tuple[Path, ...]:
 
 
 def _named_by(thing: Any) -> Iterator[tuple[str, Any]]:
-    """What a function, the methods of a class or a module name, of what stands at the top level of their module."""
+    """What counts of what a function, a class or a module names, and of what a function or class holds."""
     if isinstance(thing, ModuleType):
-        yield from ((name, part) for name, part in sorted(vars(thing).items()) if not name.startswith("__"))
+        found = ((name, part) for name, part in sorted(vars(thing).items()) if not name.startswith("__"))
+        yield from ((name, part) for name, part in found if _counts(part))
     elif isinstance(thing, type):
-        for part in vars(thing).values():
-            inner = getattr(part, "__func__", getattr(part, "fget", part))
-            if isinstance(inner, FunctionType):
-                yield from _named_by(inspect.unwrap(inner))
+        for name, part in vars(thing).items():
+            if isinstance(part, property):
+                inner: list[Any] = [part.fget, part.fset, part.fdel]
+            else:  # of a staticmethod, a classmethod; of a cached_property, a partialmethod
+                inner = [getattr(part, "__func__", getattr(part, "func", part))]
+            for one in inner:
+                if isinstance(one, FunctionType):
+                    yield from _named_by(one)
+            if isinstance(part, functools.partialmethod):
+                yield f"{thing.__qualname__}.{name}", [part.args, part.keywords]
+            elif not name.startswith("__") and (_is_data(part) or isinstance(part, type)):
+                yield f"{thing.__qualname__}.{name}", part
         yield from ((base.__qualname__, base) for base in thing.__bases__)
     elif isinstance(thing, FunctionType):
         for name in sorted(set(_names(thing.__code__))):
-            if name in thing.__globals__:
+            if name in thing.__globals__ and _counts(thing.__globals__[name]):
                 yield name, thing.__globals__[name]
+        yield from ((f"{thing.__qualname__}.{name}", part) for name, part in _bound_to(thing))
+
+
+def _bound_to(thing: Any) -> Iterator[tuple[str, Any]]:
+    """What a function holds: its default arguments, what it closes over, what it wraps; by name."""
+    if isinstance(thing, FunctionType):
+        code = thing.__code__
+        defaults = thing.__defaults__ or ()
+        positional = code.co_varnames[: code.co_argcount]
+        yield from zip(positional[len(positional) - len(defaults) :], defaults, strict=True)
+        yield from sorted((thing.__kwdefaults__ or {}).items())
+        for name, cell in zip(code.co_freevars, thing.__closure__ or (), strict=True):
+            with contextlib.suppress(ValueError):  # nothing is in it yet
+                yield name, cell.cell_contents
+    wrapped = getattr(thing, "__wrapped__", None)
+    if wrapped is not None and not isinstance(thing, type):
+        yield "wrapped", wrapped
+
+
+def _counts(thing: Any) -> bool:
+    """Whether something at the top level of a module tells one sweep from another."""
+    if isinstance(thing, ModuleType | type | functools.partial | xr.Dataset | xr.DataArray | set | frozenset):
+        return True
+    return inspect.isroutine(thing) or _is_data(thing) or _is_users_own(type(thing))
+
+
+def _is_users_own(kind: type) -> bool:
+    module = _module_of(kind)
+    return module is not None and _is_users(module)
 
 
 def _names(code: CodeType) -> Iterator[str]:
@@ -229,8 +288,8 @@ def _is_data(thing: Any) -> bool:
 
 def source(thing: Any) -> str:
     """Source of a function, class or module, or of its whole module where Python does not find it; else empty."""
-    with contextlib.suppress(OSError, TypeError):
-        return inspect.getsource(thing)
+    with contextlib.suppress(OSError, TypeError):  # that of a wrapper, not of what it wraps
+        return inspect.getsource(thing.__code__ if isinstance(thing, FunctionType) else thing)
     with contextlib.suppress(OSError, TypeError):
         return Path(inspect.getfile(sys.modules.get(getattr(thing, "__module__", ""), thing))).read_text("utf-8")
     return ""

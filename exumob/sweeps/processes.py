@@ -8,8 +8,8 @@ another process of that pool then starts again.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import multiprocessing
+import multiprocessing.connection
 import os
 import signal
 import sys
@@ -17,7 +17,6 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import xarray as xr
@@ -25,6 +24,7 @@ import xarray as xr
 from exumob.simulation.summary import summary
 from exumob.simulation.verdict import verdict_of_error
 from exumob.support.errors import SimulationError
+from exumob.support.processes import end_with_parent, lives
 from exumob.sweeps.case_store import CaseStore, StorageError, fault_of_result
 
 GRACE = 10.0
@@ -33,6 +33,8 @@ ATTEMPTS = 2
 """Number of processes that a case may take with it until it is given up as ``killed``."""
 FRUITLESS = 3
 """Number of times that the whole pool may be killed from outside without any case that ended in between."""
+ENDING = 1.0
+"""Time that a pool whose process is gone has to say that it ends by itself [s]."""
 POLL = 0.2
 """Interval at which the pool is watched [s]."""
 
@@ -56,7 +58,7 @@ class _Worker:
         number = int(item["case"])
         store = self.store
         if self.parent is not None and os.getpid() != self.parent:
-            _die_with_parent()
+            end_with_parent(self.parent)
         attempts = store.begin(number, self.parent is None)
         began = time.perf_counter()
         if attempts >= ATTEMPTS:
@@ -186,14 +188,17 @@ def run_in_processes(store: CaseStore, workers: int, report_progress: Callable[[
                 looked = time.monotonic()
                 report_progress()
                 if lost := _lost(store, since):
+                    if multiprocessing.connection.wait([receiver, pool.sentinel], ENDING):  # it ends them itself
+                        pool.join(GRACE)
                     break
                 # a look at many files takes long: leave nine tenths of the time to the cases
                 pool.join(max(POLL, 9.0 * (time.monotonic() - looked)))
         finally:
             _kill(pool)
-            store.forget_begun(n for n, begun in store.begun().items() if begun["at"] >= since and n not in lost)
+            failure = _received(receiver)
+            counted = set() if failure else lost - store.ended()
+            store.forget_begun(n for n, begun in store.begun().items() if begun["at"] >= since and n not in counted)
             store.remove_partial_files()
-        failure = _received(receiver)
         if isinstance(failure, StorageError):
             raise failure
         fruitless = fruitless + 1 if pool.exitcode == -signal.SIGKILL and not lost and store.left() == left else 0
@@ -202,7 +207,7 @@ def run_in_processes(store: CaseStore, workers: int, report_progress: Callable[[
                 f"sweep: its processes were killed from outside {fruitless} times before a case ended, perhaps for "
                 "want of memory; use fewer workers. The same call goes on with what has ended."
             )
-        if pool.exitcode not in (0, None, -signal.SIGKILL) and store.left() == left and not lost:
+        if pool.exitcode not in (0, None, -signal.SIGKILL) and store.left() == left and (failure or not lost):
             raise RuntimeError(
                 f"sweep: the processes could not be started (exit code {pool.exitcode}); "
                 + (failure or "is the script's own work under `if __name__ == '__main__':`?")
@@ -219,30 +224,33 @@ def _received(receiver: Any) -> StorageError | str:
 
 
 def _lost(store: CaseStore, since: float) -> set[int]:
-    """Cases begun since then that will never end: their process is gone, or is far beyond its time limit."""
+    """Cases begun since then whose process is gone, or was far beyond its time limit and is killed here.
+
+    A case that ended at the last moment is among them, too: the pool waits for its process.
+    """
     found = set()
     for number, begun in store.begun().items():
         if begun["at"] < since:  # by an earlier pool
             continue
-        if not _alive(begun["pid"]):
-            if number not in store.ended():
-                found.add(number)
-        elif store.time_limit is not None and time.time() > begun["at"] + store.time_limit + GRACE:
-            store.end(number, "out of time", "it did not heed its time limit: killed", store.time_limit + GRACE, {})
+        if not lives(begun["pid"]):
             found.add(number)
+        elif store.time_limit is not None and time.time() > begun["at"] + store.time_limit + GRACE:
+            if number in store.ended():  # about to remove its mark
+                continue
+            _kill_process(begun["pid"])
+            found.add(number)
+            if number not in store.ended():  # nobody can write it now
+                store.end(number, "out of time", "it did not heed its time limit: killed", store.time_limit + GRACE, {})
     return found
 
 
-def _alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    with contextlib.suppress(OSError):  # a zombie has done its last work
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    return True
+def _kill_process(pid: int) -> None:
+    """Kill a process, and wait until it has ended."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+    until = time.monotonic() + GRACE
+    while lives(pid) and time.monotonic() < until:
+        time.sleep(0.01)
 
 
 def _kill(pool: Any) -> None:
@@ -281,19 +289,11 @@ def _pool(store: CaseStore, numbers: list[int], workers: int, leader: int, sende
 
 def _end_with(leader: int) -> None:
     """Kill the pool's processes as soon as the leader is gone."""
-    while _alive(leader):
+    while lives(leader):
         time.sleep(POLL)
     if hasattr(os, "killpg"):
         os.killpg(0, signal.SIGKILL)
     os._exit(1)
-
-
-def _die_with_parent() -> None:
-    """Have the system kill this process when its pool dies (Linux)."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-        if os.getppid() == 1:
-            os._exit(1)
 
 
 # -- ranks of MPI ------------------------------------------------------------------------------------------------------

@@ -8,11 +8,13 @@ keep their parameters (`exumob.sweeps.case_store`).
 
 from __future__ import annotations
 
+import contextlib
+import copy
 import logging
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -117,7 +119,7 @@ def sweep(
         fitting = _check_cases(experiment, cases)
         experiment = experiment.with_one_model(cases)
         experiment.with_values(fitting).check()
-        function = experiment if isinstance(function, Experiment) else function
+        function = _with_experiment(function, experiment)
     store = CaseStore(Path(folder), function, cases, time_limit, keep_runs)
     with store.locked():
         store.prepare(again)
@@ -137,10 +139,27 @@ def sweep(
             run_in_processes(store, workers, report_progress)
         report_progress()
         result = store.gather()
-        if isinstance(function, Experiment):
-            result.attrs |= function.trust(cases)
+        if isinstance(experiment, Experiment):
+            result.attrs |= experiment.trust(cases)
         store.save(result)
     return result
+
+
+def _with_experiment(function: Any, experiment: Experiment) -> Any:
+    """The function with an experiment whose model of the water's loads is settled, so that no case chooses its own."""
+    if isinstance(function, Experiment) or function.experiment == experiment:
+        return experiment if isinstance(function, Experiment) else function
+    if is_dataclass(function) and not isinstance(function, type):
+        return replace(function, experiment=experiment)
+    changed = copy.copy(function)
+    if changed is not function:  # as copies of plain functions are
+        with contextlib.suppress(AttributeError, TypeError):
+            changed.experiment = experiment
+            return changed
+    raise ValueError(
+        "sweep.function: its experiment has hydrodynamics = 'auto', so that each case would choose, and it cannot "
+        f"be replaced; give it hydrodynamics = {experiment.hydrodynamics!r}."
+    )
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,9 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import Any, cast, get_args
 
 import numpy as np
 
@@ -272,18 +273,22 @@ def _checked(
     unusual_values: bool,
 ) -> tuple[Experiment, list[Case]]:  # fmt: skip
     """The experiment with its base, and the cases; names are checked before the cases are made."""
-    mark = _marked if unusual_values else dict
-    experiment = experiment.with_values(mark(base))
+    maneuver = {"maneuver": base["maneuver"]} if "maneuver" in base else {}
+    named = experiment.with_values(maneuver)  # its fields are names
+    experiment = experiment.with_values(_marked(named, base) if unusual_values else base)
     names = [name for table in varied for name in table]
     known = experiment
-    for table in varied:  # the fields of a maneuver are names
-        for maneuver in table.get("maneuver", ()) if isinstance(table.get("maneuver"), Sequence) else ():
-            known = experiment.with_values({"maneuver": maneuver})
+    for table in varied:
+        for one in table.get("maneuver", ()) if isinstance(table.get("maneuver"), Sequence) else ():
+            known = experiment.with_values({"maneuver": one})
     known.check_names(names)
     if twice := [name for name in names if name in base]:
         raise ValueError(f"{twice[0]} is both varied and set for all cases; give it once.")
-    drawn = [] if unusual_values else _check_medians(known, varied[1])
-    found = [mark(case) | _marked({name: case[name] for name in drawn}) for case in cases()]
+    if unusual_values:
+        found = [_marked(known, case) for case in cases()]
+    else:
+        drawn = _check_medians(known, varied[1])
+        found = [case | _marked(known, {name: case[name] for name in drawn}) for case in cases()]
     experiment.with_values(found[0])
     return experiment, found
 
@@ -305,10 +310,23 @@ def _check_medians(experiment: Experiment, distributions: Mapping[str, Distribut
     return found
 
 
-def _marked(values: Mapping[str, Any]) -> dict[str, Any]:
+def _marked(experiment: Experiment, values: Mapping[str, Any]) -> dict[str, Any]:
     """Values that may lie outside their plausible ranges."""
-    return {name: unusual(value) if isinstance(value, float | int) and not isinstance(value, bool) else value
-            for name, value in values.items()}  # fmt: skip
+    return {name: value if _is_count(experiment, name) else _marked_value(value) for name, value in values.items()}
+
+
+def _marked_value(value: Any) -> Any:
+    """A value all of whose numbers are marked, those within lists and tuples, too."""
+    if isinstance(value, list | tuple):
+        return type(value)(_marked_value(part) for part in value)
+    return unusual(cast(float, value)) if isinstance(value, Real) and not isinstance(value, bool) else value
+
+
+def _is_count(experiment: Experiment, name: str) -> bool:
+    """Whether a name takes whole numbers, which have no plausible range and must stay what they are."""
+    declared = experiment.declaration(name)
+    kinds = () if declared is None else (declared.kind, *get_args(declared.kind))
+    return int in kinds and float not in kinds
 
 
 def _cases(

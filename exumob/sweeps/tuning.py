@@ -12,6 +12,7 @@ import hashlib
 import json
 import logging
 import math
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
@@ -24,10 +25,12 @@ import xarray as xr
 from exumob.simulation.result_files import save_dataset
 from exumob.support.declared import Declared, checked
 from exumob.support.errors import SimulationError
+from exumob.support.processes import end_with_parent
 from exumob.support.provenance import package_version, parameters_json, provenance
 from exumob.support.quantities import Quantity, shown
 from exumob.sweeps.case_store import StorageError, case_text, storage_remedy, write_text
 from exumob.sweeps.experiment import Experiment
+from exumob.sweeps.handing_over import WithVehicleFiles
 from exumob.sweeps.identity import differences, digest, identity
 from exumob.sweeps.sampling import SEED, Case
 
@@ -219,7 +222,7 @@ def _writing(file: Path) -> Iterator[None]:
 
 
 @dataclass(frozen=True)
-class _Evaluation:
+class _Evaluation(WithVehicleFiles):
     """The objective as a function of the values, kept in files."""
 
     experiment: Experiment
@@ -262,7 +265,7 @@ def _genetic(evaluate: _Evaluation, ranges: Ranges, method: Genetic) -> None:
     from exudyn.processing import GeneticOptimization
 
     GeneticOptimization(
-        functools.partial(_of_parameters, evaluate), dict(ranges), populationSize=method.population,
+        functools.partial(_of_parameters, evaluate, os.getpid()), dict(ranges), populationSize=method.population,
         numberOfGenerations=method.generations, elitistRatio=max(0.1, 1.0 / method.population),
         crossoverProbability=0.25, rangeReductionFactor=0.7, distanceFactor=0.0,
         randomizerInitialization=method.seed, showProgress=False, useMultiProcessing=method.workers > 1,
@@ -290,7 +293,9 @@ def _of_shares(evaluate: _Evaluation, ranges: Ranges, shares: Mapping[str, Any])
     return evaluate({name: low + float(shares[name]) * (high - low) for name, (low, high) in ranges.items()})
 
 
-def _of_parameters(evaluate: _Evaluation, parameters: Mapping[str, Any]) -> float:
+def _of_parameters(evaluate: _Evaluation, leader: int, parameters: Mapping[str, Any]) -> float:
+    if os.getpid() != leader:
+        end_with_parent(leader)
     return evaluate(parameters)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 import exumob
+from exumob.sweeps import study
 from exumob.water.wetted_surface import hull_surface
 
 from .examples import VEHICLES
@@ -149,27 +150,10 @@ VALUES = [
     "hull.mass = 1e400", "=", "[", "\x00", "äöü", "vehicle = 'none.py'", "vehicle = 3", "hydrodynamics.member = 99",
     "setting = 'x'",
 ]  # fmt: skip
-STUDY = """[base]
-soil = "LETE sand"
-water.depth_ratio = 0.6
-duration = 8.0
-
-[vary]
-water.current_speed = [0.0, 0.5, 1.0]
-maneuver.amplitude = { from = 0.2, to = 0.6, number = 5 }
-
-[sample]
-number = 4
-method = "sobol"
-seed = 1
-
-[sample.distributions]
-soil.cohesion = { normal = [1300.0, 200.0] }
-soil.friction_angle = { uniform = [0.45, 0.60] }
-
-[sample.correlations]
-"soil.cohesion, soil.friction_angle" = -0.5
-"""
+STUDY = "\n".join(
+    line.split("#")[0].rstrip() for line in str(study.__doc__).splitlines()[2:] if not line.startswith("vehicle")
+)
+"""The study file that its reader shows, on the paper's vehicle"""
 
 
 def vehicle_source() -> str:

@@ -32,7 +32,7 @@ def test_explicit_scheme_grows_on_the_vehicle_and_the_others_agree(vehicle, sand
     for end in ends:
         assert end == pytest.approx(ends[1], abs=1e-3 * way)
     try:
-        broken = run(vehicle, sand, coupling=Explicit())
+        broken = run(vehicle, sand, coupling=Explicit(within_step="held"))
     except SimulationError as error:
         broken = error.result
     assert np.abs(broken["acceleration"].values[:, 0, 2]).max() > 98.1

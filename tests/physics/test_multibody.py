@@ -109,17 +109,9 @@ def test_pillars_keep_the_wheels_in_place(dry_run, vehicle):
 def test_order_of_convergence_in_the_micro_step(vehicle, sand, monkeypatch):
     """Generalized-alpha is of order 2: differences of successive halvings shrink fourfold (order >= 1.7 asked).
 
-    Newton's tolerances are tightened so that they do not hide it: as shipped they leave 1e-6 m, see the next test.
+    Newton's tolerance is tightened so that it does not hide it.
     """
-    settings = exumob.multibody.system.integration_settings
-
-    def tight(*arguments, **options):
-        chosen = settings(*arguments, **options)
-        newton = chosen.timeIntegration.newton
-        newton.relativeTolerance, newton.absoluteTolerance = 1e-9, 1e-10
-        return chosen
-
-    monkeypatch.setattr(exumob.multibody.system, "integration_settings", tight)
+    monkeypatch.setattr(exumob.multibody.system, "TOLERANCE", 2e-10)
     brisk = LaneChange(start=0.1, end=0.4, ramp_time=0.15)
     ends = []
     for step in (1e-3, 5e-4, 2.5e-4, 1.25e-4):

@@ -5,6 +5,7 @@ import logging
 import numpy as np
 import pytest
 
+import exumob.multibody.settling
 import exumob.multibody.system
 from exumob.driving.maneuver import LaneChange
 from exumob.ground.terrain import Terrain
@@ -26,16 +27,8 @@ def driven(vehicle, soil):
 @pytest.mark.parametrize("phase", ["settling", "driving"])
 def test_unreachable_tolerance(phase, vehicle, sand, monkeypatch, caplog):
     usual = driven(vehicle, sand)
-    make = exumob.multibody.system.integration_settings
-
-    def unreachable(step, duration, **given):
-        settings = make(step, duration, **given)
-        if (phase == "settling") == bool(given):  # the settings for settling have a tolerance of their own
-            newton = settings.timeIntegration.newton
-            newton.relativeTolerance = newton.absoluteTolerance = 1e-22
-        return settings
-
-    monkeypatch.setattr(exumob.multibody.system, "integration_settings", unreachable)
+    module = exumob.multibody.settling if phase == "settling" else exumob.multibody.system
+    monkeypatch.setattr(module, "TOLERANCE", 1e-22)
     with caplog.at_level(logging.WARNING):
         loosened = driven(vehicle, sand)
     said = [record.getMessage() for record in caplog.records if "stopped short" in record.getMessage()]

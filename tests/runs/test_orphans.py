@@ -1,4 +1,4 @@
-"""Processes that training starts end with it, even when it is killed."""
+"""Processes that training, sweeps and tunings start end with them, even when they are killed."""
 
 import os
 import signal
@@ -11,9 +11,7 @@ import pytest
 
 from exumob.simulation.result_files import save_dataset
 
-pytest.importorskip("torch")
-
-PROGRAM = """
+TRAINING = """
 import sys
 from pathlib import Path
 from exumob.learning.dataset import load_runs
@@ -56,19 +54,17 @@ def lives(number):
         return False
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
-def test_killed_training_leaves_no_process_behind(runs, tmp_path):
-    for n, run in enumerate(runs.values()):
-        save_dataset(run, tmp_path / f"{n}.nc")
-    (tmp_path / "training.py").write_text(PROGRAM)
-    leader = subprocess.Popen([sys.executable, tmp_path / "training.py", tmp_path])
+def check_that_all_end(program, folder, least):
+    """Start a program, kill it when it has begun, and see its processes end."""
+    (folder / "program.py").write_text(program)
+    leader = subprocess.Popen([sys.executable, folder / "program.py", folder])
     deadline = time.monotonic() + 120.0
-    while not (tmp_path / "begun").exists() and leader.poll() is None and time.monotonic() < deadline:
+    while not (folder / "begun").exists() and leader.poll() is None and time.monotonic() < deadline:
         time.sleep(0.05)
     children = below(leader.pid)
-    assert len(children) >= 2, "training had not begun"
     os.kill(leader.pid, signal.SIGKILL)
     leader.wait()
+    assert len(children) >= least, "it had not begun"
     deadline = time.monotonic() + 10.0
     while any(map(lives, children)) and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -76,3 +72,48 @@ def test_killed_training_leaves_no_process_behind(runs, tmp_path):
     for child in left:
         os.kill(child, signal.SIGKILL)
     assert not left
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_killed_training_leaves_no_process_behind(runs, tmp_path):
+    pytest.importorskip("torch")
+    for n, run in enumerate(runs.values()):
+        save_dataset(run, tmp_path / f"{n}.nc")
+    check_that_all_end(TRAINING, tmp_path, 2)
+
+
+SWEEP = """
+import sys, time
+from pathlib import Path
+from exumob.sweeps import sweep
+
+def endless(case):
+    (Path(sys.argv[1]) / "begun").touch()
+    while True:
+        time.sleep(0.1) if case["x"] else sum(range(10**6))
+
+if __name__ == "__main__":
+    sweep(endless, [{"x": 0.0}, {"x": 1.0}], Path(sys.argv[1]) / "sweep", workers=2)
+"""
+TUNING = """
+import sys, time
+from dataclasses import replace
+from pathlib import Path
+from exumob.sweeps import Genetic, tune
+from exumob.sweeps.experiment import amphibious_lane_change
+
+def endless(run):
+    (Path(sys.argv[1]) / "begun").touch()
+    while True:
+        time.sleep(0.1)
+
+if __name__ == "__main__":
+    experiment = replace(amphibious_lane_change(), water=None, duration=0.02)
+    tune(experiment, {"hull.mass": (40.0, 45.0)}, endless, Path(sys.argv[1]) / "tuning", method=Genetic(workers=2))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+@pytest.mark.parametrize("program, least", [(SWEEP, 3), (TUNING, 2)], ids=["sweep", "tuning"])
+def test_killed_leader_leaves_no_process_behind(program, least, tmp_path):
+    check_that_all_end(program, tmp_path, least)

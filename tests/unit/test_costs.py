@@ -1,8 +1,12 @@
 """What a run takes is estimated and said before it begins, and refused where it cannot fit; nothing is allocated."""
 
+import importlib.util
 import logging
 import math
+import os
 import re
+import sys
+import time
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
@@ -261,28 +265,59 @@ def test_without_a_maneuver_the_limit_counts():
 # -- compilation -------------------------------------------------------------------------------------------------------
 
 
-class Kernel:
-    """A kernel of Numba as far as its cache goes."""
+@pytest.fixture
+def kernel(tmp_path, monkeypatch):
+    """Makes a kernel anew from its source, as the next process does, and tells if Numba finds it when it is called."""
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "kept"))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    file = tmp_path / "made_up_kernel.py"
 
-    def __init__(self, folder, signatures=()):
-        self.signatures, self.stats, self.py_func = list(signatures), self, refused
-        self.cache_path = folder
+    def make(source):
+        if not file.exists() or file.read_text() != source:
+            file.write_text(source)
+        spec = importlib.util.spec_from_file_location("made_up_kernel", file)
+        module = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, "made_up_kernel", module)
+        spec.loader.exec_module(module)
+        return module.double
+
+    make.file = file
+    return make
 
 
-def test_kernels_that_are_kept_are_told_from_those_that_are_not(tmp_path):
+DOUBLE = "import numba\n@numba.njit(cache=True)\ndef double(x):\n    return 2.0 * x\n"
+
+
+def is_found(kernel):
+    """Whether Numba finds it on the disk."""
+    assert kernel(2.0) == 4.0
+    return bool(kernel.stats.cache_hits)
+
+
+def test_kernels_that_are_kept_are_told_from_those_that_are_not(kernel):
     assert compiled.is_compiled(refused)  # plain Python
-    assert not compiled.is_compiled(Kernel(str(tmp_path)))
-    assert not compiled.is_compiled(Kernel(None))
-    assert compiled.is_compiled(Kernel(str(tmp_path), ["float64"]))
-    (tmp_path / "test_costs.refused-40.py311.nbi").write_text("")
-    assert compiled.is_compiled(Kernel(str(tmp_path)))
+    new = kernel(DOUBLE)
+    assert not compiled.is_compiled(new) and not is_found(new)
+    assert compiled.is_compiled(new)
+    again = kernel(DOUBLE)
+    assert compiled.is_compiled(again) and is_found(again)
+    later = time.time() + 10.0
+    os.utime(kernel.file, (later, later))  # installed again, the same as before
+    installed = kernel(DOUBLE)
+    assert compiled.is_compiled(installed) == is_found(installed)
+    changed = kernel(DOUBLE.replace("2.0 * x", "x + x"))
+    assert not compiled.is_compiled(changed) and not is_found(changed)
+    assert not compiled.is_compiled(kernel(DOUBLE.replace("(cache=True)", "")))  # never kept
+    for index in kernel.file.parent.rglob("*.nbi"):
+        index.write_bytes(b"")
+    assert not compiled.is_compiled(kernel(DOUBLE.replace("2.0 * x", "x + x")))
 
 
-def test_compilation_is_said_once(tmp_path, caplog, monkeypatch):
+def test_compilation_is_said_once(kernel, caplog, monkeypatch):
     monkeypatch.setattr(compiled, "_said", set())
     for _ in range(2):
-        compiled.say_compilation("the flow solver", Kernel(str(tmp_path)), "two minutes")
-        compiled.say_compilation("the vehicle model", Kernel(str(tmp_path), ["float64"]), "half a minute")
+        compiled.say_compilation("the flow solver", kernel(DOUBLE), "two minutes")
+        compiled.say_compilation("the vehicle model", refused, "half a minute")
     assert [r.message for r in caplog.records] == [
         "the flow solver is compiled first, which takes two minutes; what is compiled is kept, "
         "later runs start at once."

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import exumob.simulation.run
+from exumob.coupling.explicit import Explicit
 from exumob.driving.maneuver import ConstantSteer, LaneChange, Recorded, lane_change, ramp
 from exumob.ground.soil import Soil
 from exumob.simulation.run import simulate
@@ -180,7 +181,7 @@ def test_asking_for_the_prediction_changes_nothing(vehicle, sand):
 
 def test_load_reaches_the_force_balance(vehicle, sand):
     """100 N to the left on the hull from 0.1 s on, held over macro steps, in the hull's axes."""
-    run = simulate(vehicle, sand, None, None, Scripted(push(100.0, 1)), **STEPS)
+    run = simulate(vehicle, sand, None, None, Scripted(push(100.0, 1)), coupling=Explicit(within_step="held"), **STEPS)
     pushed = run["water_wrench"].sel(body="hull", component="Fy").values
     assert (pushed[:11] == 0.0).all()
     assert (pushed[11:] == 100.0).all()

@@ -141,6 +141,62 @@ def test_helpers_of_a_function_belong_to_it(text, written, tmp_path):
     sys.modules.pop("helper_of_a_user", None)
 
 
+DECORATED = """
+import functools
+FACTOR = {}
+def times(factor):
+    def wrapping(inner):
+        @functools.wraps(inner)
+        def wrapper(case):
+            return {{'y': factor * inner(case)['y']}}
+        return wrapper
+    return wrapping
+"""
+HOLDING = {
+    "default": DECORATED + "def answer(case, factor=FACTOR * 1):\n    return {{'y': factor}}\n",
+    "keyword default": DECORATED + "def answer(case, *, factor=FACTOR * 1):\n    return {{'y': factor}}\n",
+    "closure": DECORATED + "@times(FACTOR)\ndef answer(case):\n    return {{'y': 1.0}}\n",
+    "closure of a helper": DECORATED + "@times(FACTOR)\ndef helper(case):\n    return {{'y': 1.0}}\n"
+                           "def answer(case):\n    return helper(case)\n",
+    "partial as helper": DECORATED + "def _helper(factor, case):\n    return {{'y': factor}}\n"
+                         "helper = functools.partial(_helper, FACTOR)\ndef answer(case):\n    return helper(case)\n",
+    "object as helper": DECORATED + "class Helper:\n    def __init__(self, factor):\n        self.factor = factor\n"
+                        "helper = Helper(FACTOR)\ndef answer(case):\n    return {{'y': helper.factor}}\n",
+    "bound method as helper": DECORATED + "class Helper:\n"
+                              "    def __init__(self, factor):\n        self.factor = factor\n"
+                              "    def times(self, case):\n        return {{'y': self.factor}}\n"
+                              "helper = Helper(FACTOR).times\ndef answer(case):\n    return helper(case)\n",
+    "default of a method": DECORATED + "class Helper:\n    def __call__(self, case, factor=FACTOR * 1):\n"
+                           "        return {{'y': factor}}\nanswer = Helper()\n",
+    "value of a class": DECORATED + "class Helper:\n    factor = FACTOR * 1\n    def __call__(self, case):\n"
+                        "        return {{'y': self.factor}}\nanswer = Helper()\n",
+    "second of two alike": DECORATED + "def inner(case):\n    return {{'y': 1.0}}\none = times(1)(inner)\n"
+                           "two = times(FACTOR)(inner)\ndef answer(case):\n    return one(case) | two(case)\n",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", HOLDING)
+def test_what_functions_are_bound_to_belongs_to_them(kind, written):
+    """Computed when the module is imported, so that the source of the function does not show it."""
+    first = identity(written(HOLDING[kind].format(2)).answer)
+    assert identity(written(HOLDING[kind].format(2)).answer) == first
+    assert identity(written(HOLDING[kind].format(3)).answer) != first
+
+
+def test_another_default_is_named(written, tmp_path):
+    prepare(tmp_path / "sweep", written(HOLDING["default"].format(2)).answer)
+    with pytest.raises(ValueError, match="another experiment or function: factor was 2, is 3"):
+        prepare(tmp_path / "sweep", written(HOLDING["default"].format(3)).answer)
+
+
+def test_functions_that_name_each_other_have_an_end(written):
+    text = (
+        "def answer(case, more=[]):\n    return helper\ndef helper(inner=answer):\n    pass\n"
+        "answer.__defaults__[0].append(helper)\n"
+    )
+    assert identity(written(text).answer) == identity(written(text).answer)
+
+
 HELD = [
     lambda: np.arange(5000.0),
     lambda: np.ma.masked_equal(np.arange(5.0), 3.0),
