@@ -19,17 +19,17 @@ from exumob.water.conditions import Water
 if TYPE_CHECKING:
     from exumob.flow.cost import FlowCost
 
-# Process times of `simulate` on one core, kernels compiled, of the paper's vehicle in D60/U1 with the networks, the
-# coefficients and on dry ground: 0.56, 0.52 and 0.52 s for a second with the setting "fast", 2.06, 2.1 and 1.9 s with
-# "fine"; settling 1.2, 0.6 and 0.3 s. Measured as time.process_time() over runs of 8 s (fast) and 1 s (fine), parted by
-# the share of `result.attrs["settling_wall_time"]` in the wall time. Whoever makes a run faster measures them anew.
-TIME_PER_MICRO_STEP = 160e-6
+# Process times of `simulate` on one idle core, kernels compiled, of the paper's vehicle in D60/U1 with the networks, with
+# the coefficients and on dry ground (two runs each): 0.16 to 0.18, 0.15 to 0.16 and 0.17 to 0.18 s for a second with the
+# setting "fast", 1.4 to 1.6, 1.1 to 1.3 and 1.1 to 1.4 s with "fine"; settling 0.8, 0.3 and 0.2 s. They are `wall_time`
+# and `settling_wall_time` of runs of 8 s (fast) and 1 s (fine). Whoever makes a run faster measures them anew.
+TIME_PER_MICRO_STEP = 120e-6
 """Time of a step of the multibody solver that is very short [s]."""
-TIME_PER_LENGTH = 0.2
+TIME_PER_LENGTH = 0.05
 """Further time of a step over its length [-]: a longer one takes more iterations."""
 TIME_PER_MACRO_STEP = 200e-6
 """Time of the water's loads, by networks or coefficients, at a macro step [s]."""
-TIME_TO_SETTLE = 1.0
+TIME_TO_SETTLE = 0.8
 """Time in which the vehicle comes to rest before a run [s]."""
 REPEATED = 5.0
 """Times that the vehicle goes through a macro step until it agrees with the flow in the loop, about."""

@@ -246,7 +246,7 @@ def test_fields_can_be_listed_with_unit_bounds_default_and_meaning():
 @pytest.mark.parametrize(("make", "message"), [
     (lambda: Soil(phi=0.5, k_c=1.0), r"Soil has no field 'phi' \(did you mean friction_angle or k_phi\?\)"),
     (lambda: replace(Soil.published("LETE sand"), cohesoin=1e3), "'cohesoin' .did you mean cohesion"),
-    (lambda: Soil(c=1.0, mu=2.0), r"'c' \(did you mean cohesion\?\), no field 'mu'; its fields are k_c, k_phi"),
+    (lambda: Soil(c=1.0, mu=2.0), r"'c' \(did you mean cohesion or .*\?\), no field 'mu'; its fields are k_c, k_phi"),
     (lambda: Water(dept=0.1), "Water has no field 'dept' .did you mean depth"),
     (lambda: Water(speed=0.1), "did you mean current_speed"),
     (lambda: replace(amphibious_vehicle().hull, weight=3.0), "Hull has no field 'weight' .did you mean height"),

@@ -333,9 +333,8 @@ def test_side_profile_is_a_box_less_the_rake(bow_length, bow_height, corners):
     ("hull", {"length": 0.44, "width": 1.0}, ("width", "length")),
     ("suspension", {"stiffness": 5e4, "stop_stiffness": 4350.0}, ("stop_stiffness", "stiffness")),
 ])  # fmt: skip
-@pytest.mark.parametrize("make", [amphibious_vehicle, light_4x4])
-def test_swapped_sizes_are_refused_unless_they_are_meant(make, part, change, fields):
-    whole = getattr(make(), part)
+def test_swapped_sizes_are_refused_unless_they_are_meant(part, change, fields):
+    whole = getattr(amphibious_vehicle(), part)
     with pytest.raises(ImplausibleValue, match=rf"{fields[0]} = .*{fields[1]} = .*{fields[0]}=unusual") as error:
         replace(whole, **change)
     assert f"{change[fields[0]]:g}" in str(error.value)
