@@ -19,10 +19,10 @@ from exumob.water.conditions import Water
 if TYPE_CHECKING:
     from exumob.flow.cost import FlowCost
 
-# Process times of `simulate` on one idle core, kernels compiled, of the paper's vehicle in D60/U1 with the networks, with
-# the coefficients and on dry ground (two runs each): 0.16 to 0.18, 0.15 to 0.16 and 0.17 to 0.18 s for a second with the
-# setting "fast", 1.4 to 1.6, 1.1 to 1.3 and 1.1 to 1.4 s with "fine"; settling 0.8, 0.3 and 0.2 s. They are `wall_time`
-# and `settling_wall_time` of runs of 8 s (fast) and 1 s (fine). Whoever makes a run faster measures them anew.
+# Measured with `simulate` on one idle core, kernels compiled, of the paper's vehicle in D60/U1 with the networks, the
+# coefficients and on dry ground, two runs each: 0.16 to 0.18 s, 0.15 to 0.16 s and 0.17 to 0.18 s for a second with the
+# setting "fast"; 1.4 to 1.6 s, 1.1 to 1.3 s and 1.1 to 1.4 s with "fine"; to settle 0.8 s, 0.3 s and 0.2 s. They are
+# `wall_time` and `settling_wall_time` of runs of 8 s (fast) and 1 s (fine). Whoever makes a run faster measures anew.
 TIME_PER_MICRO_STEP = 120e-6
 """Time of a step of the multibody solver that is very short [s]."""
 TIME_PER_LENGTH = 0.05

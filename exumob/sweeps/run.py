@@ -34,7 +34,7 @@ TRIED_CASES = 20_000
 """Number of cases up to which it is tried beforehand whether their values fit each other; this takes about a second."""
 WORKER_BYTES = 2e8
 """Memory of a process of a sweep beside what it shares with the others."""
-START = 3.0
+START = 2.0
 """Time in which the processes start, import everything and load their kernels [s]."""
 WorkerCount = Annotated[int, Quantity("1", at_least=1.0, at_most=4096.0)]
 """Number of processes that run side by side."""
