@@ -65,8 +65,10 @@ class Hull(Declared):
             "Hull", -self.length, self.length, "give a place within Hull.length.",
             center_of_mass_x=self.center_of_mass_x, center_x=self.center_x,
         )  # fmt: skip
-        require_within("Hull", 0.0, self.length, "give a part of Hull.length.", bow_length=self.bow_length)
-        require_within("Hull", 0.0, self.height, "give a part of Hull.height.", bow_height=self.bow_height)
+        if self.bow_length > self.length:
+            require_within("Hull", 0.0, self.length, "give a part of Hull.length.", bow_length=self.bow_length)
+        if self.bow_height > self.height:
+            require_within("Hull", 0.0, self.height, "give a part of Hull.height.", bow_height=self.bow_height)
         self._check_sizes()
         density = self.mass / (self.length * self.width * self.height)
         if not 5.0 <= density <= 5000.0 and not isinstance(self.mass, Unusual):
