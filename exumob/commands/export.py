@@ -21,9 +21,7 @@ def export_command(
     from exumob.surrogates.networks import NetworkSet
 
     try:
-        check_targets({"--output": output})
-        if output.suffix != ".onnx":
-            raise ValueError(f"--output {output} must end in .onnx.")
+        check_targets({"--output": output}, (".onnx",))
         found = NetworkSet.load(networks)
         from exumob.learning.onnx_export import export_onnx
 

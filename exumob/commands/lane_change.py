@@ -33,6 +33,7 @@ from exumob.commands.options import (
     option,
     option_names,
     radians,
+    refuse_without_effect,
 )
 from exumob.commands.report import report_run
 from exumob.commands.shared import (
@@ -155,7 +156,9 @@ def lane_change_command(  # one argument an option of the command line
     lead = 0.0
     model: Hydrodynamics
     try:
-        check_targets(targets)
+        _check_effects(depth_ratio, current, hydrodynamics, micro_step, macro_step)
+        fresh = None if checkpoint is None or checkpoint.exists() else checkpoint
+        check_targets({**targets, "--checkpoint": fresh})
         if (figure or animate) and duration < 0.1:
             raise ValueError(f"--duration {duration} s is too short to draw; give at least 0.1 s, or no --figure.")
         car = vehicle_of(vehicle)
@@ -169,8 +172,11 @@ def lane_change_command(  # one argument an option of the command line
                 water = Water.at_ratio(
                     depth_ratio, current, tyre_diameter=car.wheel.diameter, current_direction=direction
                 )
-        if networks and hydrodynamics not in (WaterModel.networks, WaterModel.auto):
-            raise ValueError(f"--networks means nothing with --hydrodynamics {hydrodynamics.value}; leave one out.")
+        if len({file.resolve() for file in networks or []}) < len(networks or []):
+            raise ValueError(
+                f"--networks names a file twice ({', '.join(map(str, networks or []))}); an ensemble of the same "
+                "network agrees with itself. Give each once."
+            )
         if water is not None and hydrodynamics is WaterModel.cfd:
             grid = FlowOptions(cell_size, coarse, threads, snapshots=0.05 if animate else None)
             with option_names():
@@ -214,6 +220,36 @@ def lane_change_command(  # one argument an option of the command line
     measured = vehicle is None and hydrodynamics is not WaterModel.cfd and micro_step is None and macro_step is None
     written = report_run(result, targets, f"{setting.value}: {SETTINGS[setting.value].error}" if measured else "")
     raise typer.Exit(code or (0 if written else 2))
+
+
+def _check_effects(
+    depth_ratio: float, current: float, model: WaterModel, micro_step: float | None, macro_step: float | None
+) -> None:
+    """Refuse options that were given and change nothing in this run.
+
+    Raises
+    ------
+    ValueError
+        Naming them, and what would give them an effect.
+    """
+    flow = ("cell_size", "coarse", "coupling", "threads")
+    if depth_ratio == 0.0:
+        wet = [*(("current",) if current != 0.0 else ()), "current_direction", "networks", "members", *flow]
+        if model not in (WaterModel.auto, WaterModel.none):
+            wet.append("hydrodynamics")
+        refuse_without_effect("on dry ground (--depth-ratio 0)", "leave {it} out, or give a --depth-ratio", *wet)
+    if model is WaterModel.none:
+        wet = ["current_direction", *(("current",) if current != 0.0 else ())]
+        refuse_without_effect("with --hydrodynamics none", "leave {it} out, or choose another --hydrodynamics", *wet)
+    if model is not WaterModel.cfd:
+        refuse_without_effect(
+            f"with --hydrodynamics {model.value}", "add --hydrodynamics cfd, or leave {it} out", *flow
+        )
+    if model not in (WaterModel.networks, WaterModel.auto):
+        remedy = "leave one out, or choose --hydrodynamics networks"
+        refuse_without_effect(f"with --hydrodynamics {model.value}", remedy, "networks", "members")
+    if micro_step is not None and macro_step is not None:
+        refuse_without_effect("beside --micro-step and --macro-step, which it stands for", "leave {it} out", "setting")
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from exumob.commands.options import (
     Workers,
     option,
     radians,
+    refuse_without_effect,
 )
 from exumob.commands.shared import check_targets, console, counting_bar, errors, fail, write_or_say
 from exumob.simulation.settings import SOIL
@@ -73,6 +74,10 @@ def map_command(  # one argument an option of the command line
 
     try:
         check_targets({"--figure": figure, "--csv": csv})
+        if draws == 1:
+            refuse_without_effect("with --draws 1, where nothing is drawn", "leave {it} out", "seed")
+        if len(set(soil or [])) < len(soil or []):
+            raise ValueError(f"--soil names a soil twice ({', '.join(soil or [])}); give each once.")
         experiment = replace(amphibious_crossing(), duration=4.0, setting=setting.value, hydrodynamics=hydrodynamics)
         if vehicle is not None:
             experiment = replace(experiment, vehicle=load_vehicle(vehicle))

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from enum import StrEnum
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any
 
 import typer
@@ -23,6 +25,43 @@ RUN = "Run"
 WATER = "Water"
 OUTPUT = "Output"
 EXPERT = "Expert"
+GIVEN_BY = ("COMMANDLINE", "ENVIRONMENT", "PROMPT")
+"""Sources of a parameter that is not at its default."""
+_GIVEN: ContextVar[Mapping[str, str]] = ContextVar("_GIVEN", default=MappingProxyType({}))
+"""Flags of the options that the command was given, by the names of its arguments."""
+
+
+def given(*names: str) -> list[str]:
+    """Return the flags of those of these arguments that the command was given, be it with their default value."""
+    return [_GIVEN.get()[name] for name in names if name in _GIVEN.get()]
+
+
+def refuse_without_effect(why: str, remedy: str, *names: str) -> None:
+    """Refuse options that were given and change nothing.
+
+    Parameters
+    ----------
+    why : str
+        What keeps them from having an effect, after "has no effect".
+    remedy : str
+        What to do; ``{it}`` stands for the options.
+    names : str
+        Names of the command's arguments.
+
+    Raises
+    ------
+    ValueError
+        Naming those that were given.
+    """
+    if flags := given(*names):
+        *first, last = flags
+        verb = "have" if first else "has"
+        said = remedy.format(it="them" if first else "it")
+        raise ValueError(f"{', '.join(first)}{' and ' if first else ''}{last} {verb} no effect {why}; {said}.")
+
+
+def _flag(parameter: Any) -> str:
+    return next((flag for flag in parameter.opts if flag.startswith("--")), parameter.name.upper())
 
 
 class PanelCommand(TyperCommand):
@@ -30,6 +69,8 @@ class PanelCommand(TyperCommand):
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command; where the system refuses a file that nothing else has asked about, say so."""
+        sources = ((parameter, ctx.get_parameter_source(parameter.name)) for parameter in self.get_params(ctx))
+        _GIVEN.set({p.name: _flag(p) for p, source in sources if source is not None and source.name in GIVEN_BY})
         try:
             return super().invoke(ctx)
         except BrokenPipeError:

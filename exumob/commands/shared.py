@@ -8,7 +8,7 @@ import os
 import shutil
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, Protocol
@@ -17,7 +17,15 @@ import typer
 from rich.progress import BarColumn, Progress, TaskID, TimeRemainingColumn
 
 from exumob.commands.terminal import PlainColumn, PlainConsole
-from exumob.support.files import atomic_write, require_writable
+from exumob.support.files import (
+    ANIMATIONS,
+    CHECKPOINTS,
+    FIGURES,
+    NETCDF,
+    atomic_write,
+    require_ending,
+    require_writable,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,8 +34,10 @@ if TYPE_CHECKING:
     from exumob.vehicle.parameters import Vehicle
 
 console = PlainConsole()
-WRITTEN = (".nc", ".png", ".pdf", ".svg", ".gif", ".mp4", ".csv", ".md", ".onnx")
-"""Endings of the files that commands write; a file with another one is never replaced."""
+ENDINGS = {
+    "--output": NETCDF, "--figure": FIGURES, "--animate": ANIMATIONS, "--checkpoint": CHECKPOINTS, "--csv": (".csv",),
+}  # fmt: skip
+"""Endings of the files that options name; a file with another one is never written, or replaced."""
 errors = PlainConsole(stderr=True)
 
 
@@ -209,15 +219,22 @@ def _keep_state(file: Path, state: dict[str, Any]) -> None:
         np.savez(stream, **state)
 
 
-def check_targets(targets: dict[str, Path | None]) -> None:
+def check_targets(targets: dict[str, Path | None], endings: Sequence[str] = NETCDF) -> None:
     """Find out before the run that a file cannot be written after it.
+
+    Parameters
+    ----------
+    targets : dict of str to path or None
+        Files by option.
+    endings : sequence of str
+        Endings that ``--output`` may have.
 
     Raises
     ------
     ValueError
-        If a file cannot be written (`exumob.support.files.require_writable`), the ending of a picture or animation is
-        not known, the program that an animation needs is missing, or a file that exists is none that exumob writes. One
-        that does is replaced when the run has ended, which is said.
+        If a file cannot be written (`exumob.support.files.require_writable`), its ending does not fit what will be in
+        it, or the program that an animation needs is missing. A file that exists is replaced when the run has ended,
+        which is said.
     """
     for option, path in targets.items():
         if path is None:
@@ -226,17 +243,8 @@ def check_targets(targets: dict[str, Path | None]) -> None:
             require_writable(path)
         except ValueError as error:
             raise ValueError(f"{option} {error}") from None
-        if path.exists() and path.suffix not in WRITTEN:
-            raise ValueError(
-                f"{option} {path}: this file exists, and its ending {path.suffix!r} is none that exumob writes; give "
-                f"another name, ending in {'.nc' if option == '--output' else path.suffix or '.png'}, or move it away."
-            )
-    for option, endings in (("--figure", (".png", ".pdf", ".svg")), ("--animate", (".gif", ".mp4"))):
-        path = targets.get(option)
-        if path is not None and path.suffix not in endings:
-            known = ", ".join(endings[:-1]) + f" or {endings[-1]}"
-            raise ValueError(f"{option} {path}: the ending {path.suffix!r} is not known; use {known}.")
-        if path is not None and path.suffix == ".mp4" and shutil.which("ffmpeg") is None:
+        require_ending(option, path, endings if option == "--output" else ENDINGS[option])
+        if path.suffix == ".mp4" and shutil.which("ffmpeg") is None:
             raise ValueError(f"{option} {path}: MP4 needs the program ffmpeg, which is not installed; use .gif.")
     if there := [str(path) for path in targets.values() if path is not None and path.exists()]:
         are = " and are" if len(there) > 1 else "s and is"

@@ -19,7 +19,9 @@ from exumob.commands.options import (
     UnusualValues,
     VehicleFile,
     Workers,
+    given,
     option,
+    refuse_without_effect,
 )
 from exumob.commands.shared import console, counting_bar, errors, fail
 
@@ -67,14 +69,20 @@ def sweep_command(  # one argument an option of the command line
 
     kept: list[int] = []
     try:
-        if study is not None and (vary or fixed or vehicle or unusual or setting is not SettingName.fast):
-            raise ValueError("give a study file, or --vary, --set, --setting, --unusual and --vehicle; not both.")
         if study is not None:
+            refuse_without_effect(
+                "beside a study file", "write it into the file, or leave the file out",
+                "vary", "fixed", "samples", "vehicle", "setting", "seed", "unusual",
+            )  # fmt: skip
             experiment, cases = read_study(study)
         else:
-            experiment, cases = from_options(
-                vehicle, [f"setting={setting.value}", *(fixed or [])], vary or [], samples, seed, unusual
-            )
+            if not any("~" in text.partition("=")[0] for text in vary or []):
+                remedy = 'vary something by a distribution, as "soil.cohesion~normal(1300,200)", or leave {it} out'
+                refuse_without_effect("where nothing is drawn", remedy, "samples", "seed")
+            chosen = [f"setting={setting.value}"] if given("setting") else []
+            experiment, cases = from_options(vehicle, [*chosen, *(fixed or [])], vary or [], samples, seed, unusual)
+        if mpi:
+            refuse_without_effect("with --mpi", "mpiexec -n says how many ranks there are; leave {it} out", "workers")
         with counting_bar("sweep", len(cases), "cases") as (bar, task):
 
             def progress(reached: Progress) -> None:

@@ -18,7 +18,7 @@ from rich.progress import BarColumn, Progress, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
-from exumob.commands.options import option_names
+from exumob.commands.options import option_names, refuse_without_effect
 from exumob.commands.shared import check_targets, console, errors, fail, write_or_say
 from exumob.commands.terminal import PlainColumn, log_handler
 from exumob.support.cost import spelled_time
@@ -61,6 +61,16 @@ def verify_command(
     from exumob.verification.runs import FOLDER
     from exumob.verification.tables import write_table
 
+    try:
+        if list_only:
+            refuse_without_effect(
+                "with --list", "leave {it} out", "names", "slow", "output", "figure", "cell_size", "duration",
+                "interval", "threads", "coarse",
+            )  # fmt: skip
+        if names:
+            refuse_without_effect("where cases are named, which run slow or not", "leave {it} out", "slow")
+    except ValueError as error:
+        fail(error)
     if list_only:
         print_cases(CASES)
         return
@@ -71,9 +81,7 @@ def verify_command(
         chosen = select(CASES, names or [], slow)
         check_values(options)
         check_options(chosen, bool(names), options, figure)
-        check_targets({"--output": output, "--figure": figure})
-        if output is not None and output.suffix not in (".md", ".csv"):
-            raise ValueError(f"--output {output}: the ending {output.suffix!r} is not known; use .md or .csv.")
+        check_targets({"--output": output, "--figure": figure}, (".md", ".csv"))
         if runs is not None:
             _make_folder(runs)
     except (ValueError, OSError) as error:

@@ -25,6 +25,11 @@ logger = logging.getLogger(__name__)
 
 SHORTEST = 1e-3
 """Shortest time of a ramp or of a steering period [s]: what is faster is a blow, not a maneuver."""
+STEER = Quantity(
+    "rad", at_least=STEERING_ANGLE.at_least, at_most=STEERING_ANGLE.at_most,
+    remedy="the angle comes first; a wheel speed [rad/s] goes into the field `speed`.",
+)  # fmt: skip
+"""Angle of the front wheels that a maneuver asks for, beside a wheel speed for which it may be taken"""
 RAMP_TIME = Quantity("s", at_least=SHORTEST, at_most=1e6)
 """Time of a ramp"""
 
@@ -99,7 +104,7 @@ class LaneChange(Declared):
     everywhere; its peaks are untouched.
     """
 
-    amplitude: Annotated[float, STEERING_ANGLE] = math.radians(30.0)
+    amplitude: Annotated[float, STEER] = math.radians(30.0)
     """Steering amplitude; positive turns left first, negative is the mirror case"""
     start: Annotated[float, Quantity("s", at_least=0.0, at_most=1e6)] = 2.0
     """Time at which the steering begins"""
@@ -146,7 +151,7 @@ class LaneChange(Declared):
 class ConstantSteer(Declared):
     """Wheel speed ramped up, then a steering angle ramped up and held: straight driving, circles, standing still."""
 
-    angle: Annotated[float, STEERING_ANGLE] = 0.0
+    angle: Annotated[float, STEER] = 0.0
     """Final steering angle"""
     speed: Annotated[float, WHEEL_SPEED] = 10.0
     """Final wheel speed; 0: the vehicle stands on locked wheels"""

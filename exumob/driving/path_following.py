@@ -12,6 +12,7 @@ rest at the angle wanted, `response_time` later.
 
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -26,12 +27,16 @@ from exumob.support.quantities import WHEEL_SPEED, Quantity
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Motion, Vehicle
 
+logger = logging.getLogger(__name__)
+
 SHARPEST = math.radians(60.0)
 """Largest turn of a path at a waypoint [rad]."""
 REACH = 2.0
 """Length of the path before and behind the last nearest point in which the next one is sought [m]."""
 REMOTE = 10.0
 """Distance of the path from the start beyond which it is taken for one in other coordinates [m], [wheelbases]."""
+ENDLESS = 50.0
+"""Length of a path over the way that a run can drive beyond which it is taken for one in another unit [-]."""
 INTEGRAL_LIMIT = math.radians(15.0)
 """Limit of the steering angle that the integral of the distance may ask for [rad] (against wind-up)."""
 
@@ -154,6 +159,22 @@ class PathFollowing(Declared):
                 f"m, than {apart:.6g} m, at ({nearest[0]:.9g}, {nearest[1]:.9g}) m; {most:g} m at most. A run starts "
                 "at the world's origin: subtract the place of the start from map coordinates, or begin the path there."
             )
+
+    def warn_of_length(self, reach: float) -> None:
+        """Warn of a path of which a run reaches so little that its waypoints may be in another unit.
+
+        Parameters
+        ----------
+        reach : float
+            Way that the run can drive at most [m].
+        """
+        length = float(np.hypot(*np.diff(np.asarray(self.waypoints, float), axis=0).T).sum())
+        if length > ENDLESS * max(reach, 1.0):
+            logger.warning(
+                "PathFollowing.waypoints: the path is %.6g m long, and the run reaches %.2g m of it at most; waypoints "
+                "are in metres. If they are in mm, divide them by 1000; if they are right, only their beginning "
+                "counts.", length, reach,
+            )  # fmt: skip
 
     def deviation(self, run: xr.Dataset, body: str = "hull") -> xr.DataArray:
         """Compute the distance of a body's origin to the left of the path [m], dims (time,)."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from exumob.ground.published_soils import SOIL_CLASSES, WONG_TABLE
 from exumob.support.declared import Declared, checked
-from exumob.support.quantities import Quantity, shown
+from exumob.support.quantities import ImplausibleValue, Quantity, Unusual, shown
 
 SOIL_RECORD = np.dtype(
     [
@@ -32,6 +32,11 @@ SOIL_RECORD = np.dtype(
     align=True,
 )
 """A `Soil` as compiled code sees it; names and units of the fields are those of `Soil`."""
+
+WIDEST_PUBLISHED = 0.16
+"""Largest k_c / k_phi of the published soils, that of Snow (Sweden) [m]: the width at which both carry the same."""
+WIDEST = 1.0
+"""Largest plausible k_c / k_phi [m]; of no published soil it is the other way round, k_phi / k_c is 6 1/m or more."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +101,13 @@ class Soil(Declared):
             raise ValueError(
                 "Soil.k_c = 0 and Soil.k_phi = 0: such a soil carries no load; give at least one of them > 0."
             )
+        swapped = self.k_phi > 0.0 and self.k_c > WIDEST * self.k_phi and self.pressure_form == "bekker"
+        if swapped and not (isinstance(self.k_c, Unusual) or isinstance(self.k_phi, Unusual)):
+            raise ImplausibleValue(
+                f"Soil.k_c = {self.k_c:g} and Soil.k_phi = {self.k_phi:g}: k_c / k_phi = {self.k_c / self.k_phi:.3g} "
+                f"m, and no published soil has more than {WIDEST_PUBLISHED:g} m ({WIDEST:g} m passes); are they "
+                f"swapped? If they are meant: k_c=unusual({self.k_c:g}) in Python, --unusual at the command line."
+            )
         if self.c1 + self.c2 > 1.0 + 1e-12:
             raise ValueError(
                 f"Soil.c1 + Soil.c2 = {self.c1 + self.c2:g} must be <= 1: at full slip the maximum pressure would lie "
@@ -106,7 +118,7 @@ class Soil(Declared):
     def pressure(
         self,
         sinkage: Annotated[
-            float, Quantity("m", at_least=0.0, at_most=1e3, remedy="a plate that does not touch has no pressure.")
+            float, Quantity("m", at_least=0.0, at_most=1e3, negative="a plate that does not touch has no pressure.")
         ],
         width: Annotated[float, Quantity("m", at_least=1e-6, at_most=1e6)],
     ) -> float:

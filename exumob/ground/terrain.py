@@ -80,7 +80,11 @@ class Terrain(Declared):
     spacing: Annotated[
         float | tuple[float, float],
         Quantity(
-            "m", above=0.0, at_most=1e6, plausible=(1e-3, 1e3), remedy="where rows run south, turn them: heights[::-1]."
+            "m",
+            above=0.0,
+            at_most=1e6,
+            plausible=(1e-3, 1e3),
+            negative="where rows run south, turn them: heights[::-1].",
         ),
     ] = 1.0
     """Distance between the points of the field; two values: along x and along y"""
@@ -130,7 +134,7 @@ class Terrain(Declared):
     def slope(
         cls,
         angle: Annotated[
-            float, Quantity("rad", at_least=-1.1, at_most=1.1, remedy="give the angle in radians.")
+            float, Quantity("rad", at_least=-1.1, at_most=1.1)
         ],
         direction: Annotated[float, DIRECTION] = 0.0,
     ) -> Terrain:  # fmt: skip

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from exumob.support.files import atomic_write
+from exumob.support.files import atomic_write, require_ending
 from exumob.surrogates.inputs import INPUTS, SAMPLING
 from exumob.surrogates.networks import EDGE, Architecture, NetworkSet, exponents
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
@@ -38,7 +38,10 @@ def export_onnx(networks: NetworkSet, file: str | Path) -> Path:
     ------
     ImportError
         If the package onnx is not installed (``pip install 'exumob[onnx]'``).
+    ValueError
+        If the file's ending is another.
     """
+    require_ending("export_onnx.file =", file, (".onnx",))
     import onnx
     from onnx import TensorProto, helper
 

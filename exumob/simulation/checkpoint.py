@@ -24,7 +24,7 @@ import numpy as np
 from exumob.coupling.scheme import Coupling
 from exumob.multibody.system import MultibodyVehicle, SavedState
 from exumob.simulation.description import RunDescription
-from exumob.support.files import PACKAGE, atomic_write, require_writable
+from exumob.support.files import CHECKPOINTS, PACKAGE, atomic_write, require_ending, require_writable
 from exumob.support.provenance import parameters_json, versions
 from exumob.vehicle.motion import HISTORY_STEP
 from exumob.water.hydrodynamics import Hydrodynamics
@@ -248,6 +248,7 @@ def _digest(head: dict[str, Any], arrays: dict[str, np.ndarray]) -> str:
 
 def _check_folder(file: Path) -> None:
     """Raise ValueError if the file cannot be written, before anything runs."""
+    require_ending("checkpoint", file, CHECKPOINTS)
     if not file.parent.is_dir():
         raise ValueError(f"checkpoint {file}: the folder {file.parent} does not exist; create it first.")
     if file.is_dir():
@@ -279,6 +280,8 @@ def _opened(file: Path) -> Iterator[Any]:
     except _Refused:
         raise
     except Exception as error:  # of zipfile, zlib and numpy: a dozen kinds, for whatever is wrong inside
+        if "pickle" in str(error):  # numpy's advice, to load it all the same, is bad advice for a file from elsewhere
+            error = _Damaged("it holds Python objects, or is no numpy archive")
         _refuse(file, str(error) if isinstance(error, _Damaged) else f"{type(error).__name__}: {error}")
 
 

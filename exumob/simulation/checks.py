@@ -69,6 +69,7 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> tup
         raise ValueError("maneuver: steering or wheel_speed is not finite within the duration; mend its definition.")
     if isinstance(maneuver, PathFollowing):
         maneuver.check_start(vehicle)
+        maneuver.warn_of_length(vehicle.wheel.radius * float(np.abs(speed[:, 0]).max()) * duration)
     largest = np.abs(steering[:, 0]).max()
     if isinstance(maneuver, FeedbackManeuver):
         largest = max(largest, maneuver.max_steering)

@@ -11,7 +11,7 @@ from exumob.coupling.strong import Strong
 from exumob.driving.maneuver import Maneuver
 from exumob.multibody.recorder import HISTORY, RECORD
 from exumob.simulation.description import RunDescription, Steps
-from exumob.support.cost import announce, cores, memory_limit, require_disk, require_memory, spelled_size, spelled_time
+from exumob.support.cost import announce, expected_time, memory_limit, require_disk, require_memory, spelled_size
 from exumob.vehicle.motion import HISTORY_STEP
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
@@ -19,8 +19,18 @@ from exumob.water.conditions import Water
 if TYPE_CHECKING:
     from exumob.flow.cost import FlowCost
 
-TIME_PER_MICRO_STEP = 200e-6
-"""Time of a step of the multibody solver [s]: 150 to 200 microseconds on an idle core (`docs/speed.md`)."""
+# Measured with `simulate` on one idle core, kernels compiled, of the paper's vehicle in D60/U1 with the networks, the
+# coefficients and on dry ground, two runs each: 0.16 to 0.18 s, 0.15 to 0.16 s and 0.17 to 0.18 s for a second with the
+# setting "fast"; 1.4 to 1.6 s, 1.1 to 1.3 s and 1.1 to 1.4 s with "fine"; to settle 0.8 s, 0.3 s and 0.2 s. They are
+# `wall_time` and `settling_wall_time` of runs of 8 s (fast) and 1 s (fine). Whoever makes a run faster measures anew.
+TIME_PER_MICRO_STEP = 120e-6
+"""Time of a step of the multibody solver that is very short [s]."""
+TIME_PER_LENGTH = 0.05
+"""Further time of a step over its length [-]: a longer one takes more iterations."""
+TIME_PER_MACRO_STEP = 200e-6
+"""Time of the water's loads, by networks or coefficients, at a macro step [s]."""
+TIME_TO_SETTLE = 0.8
+"""Time in which the vehicle comes to rest before a run [s]."""
 REPEATED = 5.0
 """Times that the vehicle goes through a macro step until it agrees with the flow in the loop, about."""
 COPIES = 4
@@ -45,6 +55,11 @@ class FlowInLoop(Protocol):
 
         `advances` is how often it is advanced over a macro step, on average.
         """
+
+
+def driving_time(duration: float, micro_step: float, macro_step: float) -> float:
+    """Return the time that a run takes after it has settled, without a flow in the loop, on an idle core [s]."""
+    return duration * (TIME_PER_MICRO_STEP / micro_step + TIME_PER_LENGTH + TIME_PER_MACRO_STEP / macro_step)
 
 
 def require_room(steps: Steps) -> None:
@@ -84,7 +99,7 @@ def prepare(run: RunDescription, commands: tuple[float, float], checkpoint: Path
         If memory or disk cannot hold the run.
     """
     steps, water, model = run.steps, run.water, run.hydrodynamics
-    seconds = steps.duration / steps.micro_step * TIME_PER_MICRO_STEP
+    seconds = driving_time(steps.duration, steps.micro_step, steps.macro_step)
     flow: FlowCost | None = None
     if isinstance(model, FlowInLoop):
         angles = [m[0] for command in commands for m in run.vehicle.steering_angles((command, 0.0, 0.0))]
@@ -107,10 +122,8 @@ def prepare(run: RunDescription, commands: tuple[float, float], checkpoint: Path
             f"simulate: checkpoint = {checkpoint}", 2.0 * saved, checkpoint.parent, "free some, or leave it out."
         )
         words += f", {spelled_size(saved)} on the disk"
-    announce(
-        f"{run.vehicle.name}, {steps.duration:g} s: {words}; about {spelled_time(seconds)}, if no other program takes "
-        f"its share of the {cores()} core{'s' if cores() > 1 else ''}.", seconds,
-    )  # fmt: skip
+    seconds += TIME_TO_SETTLE
+    announce(f"{run.vehicle.name}, {steps.duration:g} s: {words}; {expected_time(seconds)}.", seconds)
 
 
 def _fastest(maneuver: Maneuver, duration: float) -> float:

@@ -12,7 +12,7 @@ from pathlib import Path
 import xarray as xr
 
 from exumob.support.declared import checked
-from exumob.support.files import atomic_write, read_netcdf, sealed
+from exumob.support.files import NETCDF, atomic_write, read_netcdf, require_ending, sealed
 
 logger = logging.getLogger(__name__)
 
@@ -31,10 +31,13 @@ def save_dataset(dataset: xr.Dataset, file: str | Path, *, elsewhere: bool = Tru
 
     Raises
     ------
+    ValueError
+        If the file's ending is not .nc: other programs would take it for something else.
     OSError
         If neither place can be written.
     """
     path = Path(file)
+    require_ending("save_dataset.file =", path, NETCDF)
     try:
         return _write(dataset, path)
     except OSError as error:

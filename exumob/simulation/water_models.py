@@ -15,6 +15,7 @@ from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics, NoWater
+from exumob.water.mesh_file import hull_mesh
 
 logger = logging.getLogger(__name__)
 
@@ -76,6 +77,8 @@ def hydrodynamics_named(
     differences = shape_differences(vehicle, model.networks[0].about["geometry"])
     if not differences:
         return model
+    if vehicle.hull.mesh is not None:
+        hull_mesh(vehicle)  # what is wrong with it is said before what the networks lack
     shown = "; ".join(differences[:NAMED_DIFFERENCES])
     if len(differences) > NAMED_DIFFERENCES:
         shown += f"; and {len(differences) - NAMED_DIFFERENCES} more"

@@ -22,6 +22,8 @@ MOST_FRAMES = 20_000
 """Frames of an animation; half an hour at 12 a second."""
 TIME_PER_FRAME = 0.1
 """Time to draw one [s]."""
+NOTED = 1.4
+"""How many times longer work takes beside other programs from which that is said [-]."""
 CONTROL_GROUPS = Path("/sys/fs/cgroup")
 UNITS = ((365.25 * 86400.0, "years"), (86400.0, "days"), (3600.0, "h"), (60.0, "min"))
 
@@ -83,6 +85,31 @@ def spelled_time(seconds: float) -> str:
         if seconds >= unit:
             return f"{seconds / unit:.2g} {name}" if seconds < 99.5 * unit else f"{seconds / unit:,.0f} {name}"
     return f"{max(seconds, 1.0):.0f} s"
+
+
+def expected_time(seconds: float, processes: int = 1) -> str:
+    """Return in words what work will take on this machine, and what beside the programs that are at work on it now.
+
+    Parameters
+    ----------
+    seconds : float
+        Time that it takes where nothing else runs [s].
+    processes : int
+        Number of processes that will be at work on it.
+    """
+    number = cores()
+    text = f"about {spelled_time(seconds)}, if no other program takes its share of the {number} core"
+    text += "s" if number > 1 else ""
+    slower = (_busy() + processes) / max(number, processes)
+    return f"{text} (about {spelled_time(slower * seconds)} beside those at work now)" if slower > NOTED else text
+
+
+def _busy() -> float:
+    """Number of processes that were at work in the last minute; 0 if the system does not tell."""
+    try:
+        return os.getloadavg()[0]
+    except (AttributeError, OSError):  # Windows
+        return 0.0
 
 
 def spelled_size(number: float) -> str:

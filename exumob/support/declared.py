@@ -9,10 +9,12 @@ but of another kind is made the declared one (an int a float, a list a tuple, a 
 from __future__ import annotations
 
 import ast
+import difflib
 import functools
 import inspect
 import itertools
 import os
+import re
 import textwrap
 import types
 import typing
@@ -29,13 +31,68 @@ Check = Callable[[str, Any], Any]
 """Takes the name of a value and the value; returns it, perhaps in its declared kind, or raises ValueError."""
 
 
-class Declared:
-    """Mixin of frozen dataclasses: every field is checked by its declared type when an object is made."""
+class UnknownField(ValueError, TypeError):
+    """A class was given a field that it does not have."""
+
+
+_make = type.__call__
+
+
+class _Answering(type):
+    """Lets a class that is given unknown fields name those that are meant."""
+
+    if not typing.TYPE_CHECKING:  # what a call makes is a matter of the class
+
+        def __call__(cls, *args, **kwargs):
+            try:
+                return _make(cls, *args, **kwargs)
+            except TypeError as error:
+                unknown = _unknown_fields(cls, kwargs)
+                if not unknown or isinstance(error, UnknownField):
+                    raise
+            raise UnknownField(unknown)
+
+
+def _unknown_fields(owner: type, given: Mapping[str, Any]) -> str:
+    """Say which of the names given are no fields, and which fields come nearest; empty if all are."""
+    known = [field.name for field in fields(owner) if field.init] if is_dataclass(owner) else []
+    unknown = [name for name in given if name not in known]
+    if not known or not unknown:
+        return ""
+    lines = []
+    for name in unknown:
+        words = {field: re.findall(r"\w+", text) for field, text in _meanings(owner).items()}  # symbols, as phi
+        named = [field for field in known if name in words.get(field, ())]
+        near = list(dict.fromkeys([*named, *nearest_names(name, known)]))[:3]
+        lines.append(f"{name!r} (did you mean {' or '.join(near)}?)" if near else repr(name))
+    return f"{owner.__name__} has no field {', no field '.join(lines)}; its fields are {', '.join(known)}."
+
+
+def nearest_names(name: str, known: Sequence[str]) -> list[str]:
+    """Return the names nearest to one that is not known, three at most: misspelt ones, else those that hold it.
+
+    Parameters
+    ----------
+    name : str
+    known : sequence of str
+    """
+    asked = name.casefold()
+    lowered = {other.casefold(): other for other in known}
+    near = [lowered[key] for key in difflib.get_close_matches(asked, lowered, 3, 0.6)]
+    return near or [other for key, other in lowered.items() if len(asked) > 1 and asked in key][:3]
+
+
+class Declared(metaclass=_Answering):
+    """Mixin of frozen dataclasses: every field is checked by its declared type when an object is made.
+
+    A field that the class does not have is answered by the nearest names of those that it has (`UnknownField`).
+    """
 
     def __post_init__(self) -> None:
         """Check all fields, then their relations."""
-        for name, label, low, high, check in _field_checks(type(self)):
-            value = self.__dict__[name]
+        owner, values = type(self), self.__dict__
+        for name, label, low, high, check in owner.__dict__.get("_checks_of_fields") or _field_checks(owner):
+            value = values[name]
             if type(value) is float and low <= value <= high:
                 continue  # most values: nothing to say and nothing to convert
             accepted = check(label, value)
@@ -343,6 +400,8 @@ def _choice(values: tuple[Any, ...]) -> _Kind:
         return bool(found(value))
 
     def check(name: str, value: Any) -> Any:
+        if type(value) is str and value in values:
+            return value
         if not fits(value):
             raise ValueError(f"{name} = {shown(value)} is not known; use {wanted}.")
         return found(value)[0]

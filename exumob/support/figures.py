@@ -13,7 +13,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from exumob.support.files import atomic_write
+from exumob.support.files import atomic_write, require_ending
 
 WATER_COLOR = "#4a90c2"
 
@@ -97,13 +97,16 @@ def save_figure(figure: Figure, file: str | Path) -> Path:
 
     Raises
     ------
+    ValueError
+        If the file's ending is that of no format of matplotlib.
     OSError
         If it cannot be written.
     """
     path = Path(file)
     try:
+        require_ending("save_figure.file =", path, [f".{kind}" for kind in figure.canvas.get_supported_filetypes()])
         with atomic_write(path) as temporary:
-            figure.savefig(temporary, format=path.suffix[1:] or None)
+            figure.savefig(temporary, format=path.suffix[1:])
     finally:
         plt.close(figure)
     return path

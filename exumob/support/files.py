@@ -9,7 +9,7 @@ import os
 import secrets
 import stat
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +19,14 @@ if TYPE_CHECKING:
 
 PACKAGE = Path(__file__).parents[1]
 """The folder `exumob` of this installation."""
+NETCDF = (".nc",)
+"""Endings of netCDF files."""
+FIGURES = (".png", ".pdf", ".svg")
+"""Endings of figures."""
+ANIMATIONS = (".gif", ".mp4")
+"""Endings of animations."""
+CHECKPOINTS = (".npz",)
+"""Endings of checkpoints."""
 SEAL = b"\nexumob sha256 "
 """Begin of the last line of a sealed file; the digest of all bytes before it follows, in hexadecimal digits."""
 SEAL_LENGTH = len(SEAL) + 64
@@ -124,6 +132,29 @@ def require_writable(file: str | Path, size: int = 1 << 16) -> None:
         raise ValueError(
             f"{path} cannot be written: {error.strerror or error}; give a folder with room in which you may write."
         ) from None
+
+
+def require_ending(name: str, file: str | Path, endings: Sequence[str]) -> None:
+    """Refuse the name of a file whose ending does not say what will be in it.
+
+    Parameters
+    ----------
+    name : str
+        What names the file, for the message: an argument or an option.
+    file : str or Path
+    endings : sequence of str
+        Those that fit, such as ``".nc"``.
+
+    Raises
+    ------
+    ValueError
+        Naming file and endings.
+    """
+    path = Path(file)
+    if path.suffix not in endings:
+        known = ", ".join(endings[:-1]) + (" or " if endings[:-1] else "") + endings[-1]
+        what = f"the ending {path.suffix!r} does not fit" if path.suffix else "the name has no ending"
+        raise ValueError(f"{name} {path}: {what}; use {known}.")
 
 
 # -- netCDF ------------------------------------------------------------------------------------------------------------

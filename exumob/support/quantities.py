@@ -105,10 +105,23 @@ class Quantity:
     infinite : bool
         Whether infinite values have a meaning.
     remedy : str, optional
-        What to do about a value beyond the bounds.
+        What to do about a value beyond the bounds; of an angle that is likely in degrees that is said first.
+    negative : str, optional
+        The same about a value below 0.
     """
 
-    __slots__ = ("above", "at_least", "at_most", "below", "infinite", "plausible", "remedy", "shape", "unit")
+    __slots__ = (
+        "above",
+        "at_least",
+        "at_most",
+        "below",
+        "infinite",
+        "negative",
+        "plausible",
+        "remedy",
+        "shape",
+        "unit",
+    )
 
     def __init__(  # one argument a property of the value; all but the unit have defaults
         self,
@@ -122,9 +135,11 @@ class Quantity:
         shape: tuple[int | str, ...] | None = None,
         infinite: bool = False,
         remedy: str = "",
+        negative: str = "",
     ) -> None:
         """Keep them."""
-        self.unit, self.remedy, self.shape, self.infinite = unit, remedy, shape, infinite
+        self.unit, self.shape, self.infinite = unit, shape, infinite
+        self.remedy, self.negative = remedy, negative
         self.above, self.at_least, self.at_most, self.below = above, at_least, at_most, below
         self.plausible = plausible
 
@@ -183,8 +198,7 @@ class Quantity:
             wanted = f"a number{f' in {self.symbol}' if self.symbol else ''}{f', {self.bounds}' if self.bounds else ''}"
             raise ValueError(f"{name} = {shown(value)} is not a finite number; give {wanted}.")
         if not self.within_bounds(number):
-            remedy = self.remedy or self.likely_unit(number) or f"give a value within, in {self.symbol or 'no unit'}."
-            raise ValueError(f"{name} = {self._exact(number)} must be {self.bounds}; {remedy}")
+            raise ValueError(f"{name} = {self._exact(number)} must be {self.bounds}; {self._remedy(number)}")
         if self.plausible is not None and not isinstance(number, Unusual) and number != 0.0:
             low, high = self.plausible
             if not low <= number <= high:
@@ -206,6 +220,14 @@ class Quantity:
                 return f"is it in {unit}? Then give {right}."
         return ""
 
+    def _remedy(self, number: float) -> str:
+        """What to do about a number beyond the bounds."""
+        likely = self.likely_unit(number)
+        own = self.negative if number < 0.0 and self.negative else self.remedy
+        if likely and own and self.unit == "rad":  # degrees are nearly certain there; a slope of 3 is hardly 3 per cent
+            return f"{likely} {own[0].upper()}{own[1:]}"
+        return own or likely or f"give a value within, in {self.symbol or 'no unit'}."
+
     def _exact(self, number: float) -> str:
         return f"{float(number)!r} {self.symbol}".rstrip()
 
@@ -219,7 +241,7 @@ DEPTH = Quantity("m", above=0.0, at_most=1e4, plausible=(1e-3, 50.0))
 DEPTH_RATIO = Quantity("1", above=0.0, at_most=1e4, plausible=(0.01, 50.0))
 """Depth of water over the tyre's diameter"""
 CURRENT_SPEED = Quantity(
-    "m/s", at_least=0.0, at_most=100.0, plausible=(0.0, 15.0), remedy="turn the flow with its direction."
+    "m/s", at_least=0.0, at_most=100.0, plausible=(0.0, 15.0), negative="turn the flow with its direction."
 )  # fmt: skip
 """Speed of a current over ground"""
 DIRECTION = Quantity("rad", plausible=(-2.0 * math.pi, 2.0 * math.pi))

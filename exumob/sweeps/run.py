@@ -20,7 +20,9 @@ from typing import Annotated, Any
 
 import xarray as xr
 
-from exumob.support.cost import cores, require_memory, spelled_size, spelled_time
+from exumob.simulation.cost import TIME_TO_SETTLE, driving_time
+from exumob.simulation.settings import setting_named
+from exumob.support.cost import cores, expected_time, require_memory, spelled_size
 from exumob.support.declared import checked
 from exumob.support.quantities import Quantity
 from exumob.sweeps.case_store import STATUSES, CaseStore, Function, check_names, room_needed
@@ -32,8 +34,8 @@ TRIED_CASES = 20_000
 """Number of cases up to which it is tried beforehand whether their values fit each other; this takes about a second."""
 WORKER_BYTES = 2e8
 """Memory of a process of a sweep beside what it shares with the others."""
-COST = {"fast": 0.4, "fine": 1.5}
-"""Time of computing a second of a run, by setting [s]: networks or coefficients, one idle core (docs/speed.md)."""
+START = 2.0
+"""Time in which the processes start, import everything and load their kernels [s]."""
 WorkerCount = Annotated[int, Quantity("1", at_least=1.0, at_most=4096.0)]
 """Number of processes that run side by side."""
 TIME_LIMIT = Quantity("s", above=0.0, at_most=1e9)
@@ -169,9 +171,11 @@ class Need:
     """Wall time with all processes [s]; nan if nothing is known of the function"""
     disk: float
     """Room in its folder [bytes]"""
+    workers: int = 1
+    """Number of processes"""
 
     def __str__(self) -> str:
-        time = "" if math.isnan(self.time) else f", about {spelled_time(self.time)}"
+        time = "" if math.isnan(self.time) else f", {expected_time(self.time, self.workers)}"
         return f"{self.cases} case{'' if self.cases == 1 else 's'}{time}, {spelled_size(self.disk)} on the disk"
 
 
@@ -180,12 +184,18 @@ def need(function: Function, cases: Sequence[Case], workers: int = 2, keep_runs:
     time = math.nan
     if isinstance(function, Experiment):
         usual: Case = {"duration": function.duration, "setting": function.setting}
-        each = ((usual | case)["duration"] * COST.get((usual | case)["setting"], math.nan) for case in cases)
+        usual |= {"micro_step": function.micro_step, "macro_step": function.macro_step}
         try:
-            time = float(sum(each)) / max(1, min(workers, cores()))
-        except (TypeError, OverflowError):  # refused later
+            time = sum(_time_of(usual | case) for case in cases) / max(1, min(workers, cores(), len(cases))) + START
+        except (TypeError, ValueError, OverflowError, ZeroDivisionError):  # refused later
             time = math.nan
-    return Need(len(cases), time, room_needed(function, len(cases), keep_runs))
+    return Need(len(cases), time, room_needed(function, len(cases), keep_runs), max(1, min(workers, len(cases))))
+
+
+def _time_of(case: Case) -> float:
+    """Time that a run takes [s]."""
+    micro, macro = setting_named(case["setting"]).steps(flow_in_loop=False)
+    return TIME_TO_SETTLE + driving_time(case["duration"], case["micro_step"] or micro, case["macro_step"] or macro)
 
 
 def _check_cases(experiment: Experiment, cases: Sequence[Case]) -> Case:

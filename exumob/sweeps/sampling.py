@@ -6,7 +6,7 @@ import itertools
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 from numbers import Real
 from typing import Annotated, Any, Literal, Protocol
 
@@ -19,7 +19,7 @@ from scipy.stats import qmc
 from exumob.support.arrays import Array
 from exumob.support.checks import require_within
 from exumob.support.cost import require_memory, spelled_size, spelled_time
-from exumob.support.declared import Declared, checked
+from exumob.support.declared import Declared, checked, declared_fields
 from exumob.support.quantities import Quantity, shown
 
 ANY = Quantity("1", at_least=-1e300, at_most=1e300)
@@ -163,6 +163,12 @@ DISTRIBUTIONS = {
 """Distributions by their names in study files; a `Choice` is written as the list of its values."""
 
 
+def spelled_distribution(kind: str) -> str:
+    """Return how a distribution is written, as ``normal(mean, deviation)``, without what may be left out."""
+    needed = [f.name for f in declared_fields(DISTRIBUTIONS[kind]) if f.default is MISSING]
+    return f"{kind}({', '.join(needed)})"
+
+
 @dataclass(frozen=True)
 class Range(Sequence[float]):
     """Evenly spaced values from `begin` to `end`, made only when they are asked for.
@@ -207,6 +213,20 @@ def _spelled(number: int) -> str:
     return f"{number:,}" if number < 10**15 else f"more than 10^{min(len(str(min(number, 10**300))) - 1, 300)}"
 
 
+def _require_distinct(name: str, values: Any) -> None:
+    """Raise ValueError if a value stands twice: its cases would be run twice and say the same."""
+    if isinstance(values, Range):
+        return  # they differ
+    seen: set[Any] = set()
+    for value in map(_plain, values):
+        try:
+            if value in seen:
+                raise ValueError(f"{name} = {shown(value)} stands twice among its values; give it once.")
+            seen.add(value)
+        except TypeError:  # lists and the like
+            return
+
+
 @checked
 def grid(values: Mapping[str, Any]) -> list[Case]:
     """Cases with all combinations of values, the last name varying fastest.
@@ -214,7 +234,7 @@ def grid(values: Mapping[str, Any]) -> list[Case]:
     Raises
     ------
     ValueError
-        If a name has no values, or there are more combinations than fit into memory.
+        If a name has no values, or one of them twice, or there are more combinations than fit into memory.
     """
     for name, found in values.items():
         listed = isinstance(found, Sequence) and not isinstance(found, str | bytes)
@@ -224,6 +244,7 @@ def grid(values: Mapping[str, Any]) -> list[Case]:
             raise ValueError(f"grid: {name} has masked values; leave them out.")
         if not len(found):
             raise ValueError(f"grid: {name} has no values; give one at least.")
+        _require_distinct(name, found)
     require_room_for("grid", math.prod(len(found) for found in values.values()), len(values))
     return [dict(zip(values, map(_plain, row), strict=True)) for row in itertools.product(*values.values())]
 

@@ -35,6 +35,8 @@ from numbers import Real
 from pathlib import Path
 from typing import Any, cast, get_args
 
+import numpy as np
+
 from exumob.support.declared import checked
 from exumob.support.quantities import shown, unusual
 from exumob.sweeps.experiment import PARTS, Experiment, amphibious_lane_change
@@ -48,6 +50,7 @@ from exumob.sweeps.sampling import (
     grid,
     require_room_for,
     sample,
+    spelled_distribution,
 )
 from exumob.vehicle.vehicle_file import load_vehicle
 
@@ -109,6 +112,8 @@ def from_options(
         name, sign, value = text.partition("=")
         if not sign or not name.strip():
             raise ValueError(f"--set {text}: write name=value, such as water.depth_ratio=0.5.")
+        if name.strip() in values:
+            raise ValueError(f"--set {text}: {name.strip()} is set already; give it once.")
         values[name.strip()] = _value(value)
     lists: dict[str, Sequence[Any]] = {}
     drawn: dict[str, Distribution] = {}
@@ -144,9 +149,11 @@ def parse_variation(text: str) -> tuple[str, Sequence[Any] | Distribution]:
             raise ValueError(f"{hint}.")
         values = [_value(v) for v in inner[:-1].split(",")]
         return name, _distribution(name, {kind.strip(): values})
-    if rest.count(":") == 2:
-        begin, end, number = (_value(v) for v in rest.split(":"))
-        return name, _range(name, begin, end, number)
+    ends = [_value(v) for v in rest.split(":")]
+    if len(ends) == 3:
+        return name, _range(name, *ends)
+    if len(ends) > 1 and not any(isinstance(v, str) and v for v in ends):
+        raise ValueError(f"--vary {text}: a range needs from:to:number, such as {name}=0:1:5 (five values).")
     values = [_value(v) for v in rest.split(",")]
     if "" in values:
         raise ValueError(f"{hint}; a value is missing.")
@@ -275,9 +282,32 @@ def _checked(
         for one in table.get("maneuver", ()) if isinstance(table.get("maneuver"), Sequence) else ():
             known = experiment.with_values({"maneuver": one})
     known.check_names(names)
-    found = [_marked(known, case) for case in cases()] if unusual_values else cases()
+    if twice := [name for name in names if name in base]:
+        raise ValueError(f"{twice[0]} is both varied and set for all cases; give it once.")
+    if unusual_values:
+        found = [_marked(known, case) for case in cases()]
+    else:
+        drawn = _check_medians(known, varied[1])
+        found = [case | _marked(known, {name: case[name] for name in drawn}) for case in cases()]
     experiment.with_values(found[0])
     return experiment, found
+
+
+def _check_medians(experiment: Experiment, distributions: Mapping[str, Distribution]) -> list[str]:
+    """Names whose draws may lie outside their plausible ranges: the tails of distributions with a plausible median.
+
+    Raises
+    ------
+    ValueError
+        If the median of a distribution is refused.
+    """
+    found = [name for name, distribution in distributions.items() if not isinstance(distribution, Choice)]
+    for name in found:
+        try:
+            experiment.check_values(name, [float(distributions[name].quantile(np.array([0.5]))[0])])
+        except ValueError as error:
+            raise ValueError(f"the median of what {name} is drawn from: {error}") from None
+    return found
 
 
 def _marked(experiment: Experiment, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -355,7 +385,9 @@ def _distribution(name: str, value: Any) -> Distribution:
     try:
         found: Distribution = DISTRIBUTIONS[kind](*parameters)
     except TypeError:
-        raise ValueError(f"{name}: {kind} takes other parameters than {shown(parameters)}.") from None
+        raise ValueError(
+            f"{name}: {kind} takes other parameters than {shown(parameters)}; give {spelled_distribution(kind)}."
+        ) from None
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
     return found

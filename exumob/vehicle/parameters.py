@@ -20,6 +20,8 @@ from exumob.support.quantities import ImplausibleValue, Quantity, Unusual
 
 SLOWEST_HEAVE = 0.2
 """Slowest plausible heave of a hull on its springs [Hz]; cars have 1 to 2, small models 3 to 10."""
+LOAD_ABOVE, LOAD_BELOW = 1.0, 0.25
+"""How far the centre of mass may plausibly lie above the deck (a load on it) and below the keel [hull heights]."""
 Motion = tuple[float, float, float]
 """A value and its first and second time derivatives."""
 
@@ -63,8 +65,11 @@ class Hull(Declared):
             "Hull", -self.length, self.length, "give a place within Hull.length.",
             center_of_mass_x=self.center_of_mass_x, center_x=self.center_x,
         )  # fmt: skip
-        require_within("Hull", 0.0, self.length, "give a part of Hull.length.", bow_length=self.bow_length)
-        require_within("Hull", 0.0, self.height, "give a part of Hull.height.", bow_height=self.bow_height)
+        if self.bow_length > self.length:
+            require_within("Hull", 0.0, self.length, "give a part of Hull.length.", bow_length=self.bow_length)
+        if self.bow_height > self.height:
+            require_within("Hull", 0.0, self.height, "give a part of Hull.height.", bow_height=self.bow_height)
+        self._check_sizes()
         density = self.mass / (self.length * self.width * self.height)
         if not 5.0 <= density <= 5000.0 and not isinstance(self.mass, Unusual):
             raise ImplausibleValue(
@@ -86,6 +91,24 @@ class Hull(Declared):
                     f"centre, in a hull of {largest:.3g} m; give kg m^2 about the centre of mass, or unusual(...) for "
                     "the largest."
                 )
+
+    def _check_sizes(self) -> None:
+        """Refuse a hull that is wider than long, and a centre of mass that is nowhere near the hull."""
+        if self.width > self.length and not (isinstance(self.width, Unusual) or isinstance(self.length, Unusual)):
+            raise ImplausibleValue(
+                f"Hull.width = {self.width:g} m is more than Hull.length = {self.length:g} m; are they swapped? If it "
+                f"is meant: width=unusual({self.width:g}), or --unusual in a sweep."
+            )
+        place, keel, deck = self.center_of_mass_height, self.ground_clearance, self.ground_clearance + self.height
+        low, high = keel - LOAD_BELOW * self.height, deck + LOAD_ABOVE * self.height
+        if not low <= place <= high and not isinstance(place, Unusual):
+            raise ImplausibleValue(
+                f"Hull.center_of_mass_height = {place:g} m above hard ground, and the hull reaches from "
+                f"ground_clearance = {keel:g} m to ground_clearance + height = {deck:.6g} m (plausible: "
+                f"{max(low, 0.0):.3g} to {high:.6g} m, with a load on deck); give the height above the ground, or mend "
+                f"Hull.height. If it is meant: center_of_mass_height=unusual({place:g}), or --unusual in a "
+                "sweep."
+            )
 
     @property
     def inertia_tensor(self) -> Array:
@@ -123,6 +146,11 @@ class Wheel(Declared):
     """(spin, transverse) about the centre; None: a uniform solid cylinder"""
 
     def _check(self) -> None:
+        if self.width > self.diameter and not (isinstance(self.width, Unusual) or isinstance(self.diameter, Unusual)):
+            raise ImplausibleValue(
+                f"Wheel.width = {self.width:g} m is more than Wheel.diameter = {self.diameter:g} m; are they swapped? "
+                f"If it is meant, a roller: width=unusual({self.width:g}), or --unusual in a sweep."
+            )
         if self.inertia is not None:
             spin, transverse = self.inertia
             if spin > 2.0 * transverse:
@@ -205,6 +233,14 @@ class Suspension(Declared):
     """Compression over which a stop's stiffness builds up"""
     wishbones: Wishbones | None = None
     """Linkage of the upright; None: it slides on a pillar"""
+
+    def _check(self) -> None:
+        stop, spring = self.stop_stiffness, self.stiffness
+        if stop < spring and not (isinstance(stop, Unusual) or isinstance(spring, Unusual)):
+            raise ImplausibleValue(
+                f"Suspension.stop_stiffness = {stop:g} N/m is less than Suspension.stiffness = {spring:g} N/m; are "
+                f"they swapped? If it is meant: stop_stiffness=unusual({stop:g}), or --unusual in a sweep."
+            )
 
     @property
     def upright_inertia_tensor(self) -> Array:

@@ -14,6 +14,7 @@ from exumob.simulation.run import simulate
 from exumob.simulation.summary import summary
 from exumob.simulation.verdict import judge, verdict_of_error
 from exumob.support.errors import SimulationError, SimulationInterrupted
+from exumob.support.quantities import unusual
 from exumob.water.conditions import Water
 
 AHEAD = ConstantSteer(ramp_time=0.5)
@@ -91,7 +92,7 @@ def test_swept_away_by_a_current_from_ahead_and_the_side(vehicle, sand):
 def test_tipped_on_a_side_slope_that_gets_steeper(vehicle, sand, caplog):
     """Centre of mass half a metre up: its weight falls beside the wheels at 35 degrees; the slope goes to 38."""
     caplog.set_level(logging.CRITICAL)
-    tall = replace(vehicle, hull=replace(vehicle.hull, center_of_mass_height=0.5))
+    tall = replace(vehicle, hull=replace(vehicle.hull, center_of_mass_height=unusual(0.5)))
     firm = replace(sand, cohesion=20e3, k_phi=5e7)
     x, y = np.linspace(-4.0, 8.0, 61), np.linspace(-4.0, 4.0, 41)
     rise = np.clip(x - 0.5, 0.0, 1.0)

@@ -118,12 +118,14 @@ def test_archives_of_others_are_refused(tmp_path):
     np.savez(file, a=np.zeros(3))
     with pytest.raises(ValueError, match="is not one of exumob; give another file"):
         opened(file)
-    np.save(tmp_path / "one.npy", np.zeros(3))
+    with file.open("wb") as stream:
+        np.save(stream, np.zeros(3))
     with pytest.raises(ValueError, match="it is no numpy archive"):
-        opened(tmp_path / "one.npy")
-    np.savez(file, **{HEAD: np.array([{"step": 1}], dtype=object)})
-    with pytest.raises(ValueError, match=r"run\.npz cannot be read .*allow_pickle"):
         opened(file)
+    np.savez(file, **{HEAD: np.array([{"step": 1}], dtype=object)})
+    with pytest.raises(ValueError, match=r"run\.npz cannot be read .*holds Python objects") as error:
+        opened(file)
+    assert "allow_pickle" not in str(error.value)  # numpy's hint would run what the file holds
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:  # a small file of a large content
         archive.writestr(f"{HEAD}.npy", bytes(10_000_000))
     with pytest.raises(ValueError, match="it is compressed"):

@@ -159,8 +159,8 @@ def test_cells_too_coarse_are_said_with_exit_code_2():
 
 
 @pytest.mark.parametrize("model, extra, word", [
-    ("coefficients", ["--networks", "a.safetensors"], "--networks means nothing with --hydrodynamics coefficients"),
-    ("coefficients", ["--members"], "--members needs networks"),
+    ("coefficients", ["--networks", "a.safetensors"], "--networks has no effect with --hydrodynamics coefficients"),
+    ("coefficients", ["--members"], "--members has no effect with --hydrodynamics coefficients"),
 ])  # fmt: skip
 def test_networks_are_asked_for_where_they_act(model, extra, word):
     answer = lane_change("--hydrodynamics", model, *extra)
@@ -200,7 +200,7 @@ def test_what_is_replaced_is_said_and_other_files_are_never_replaced(tmp_path, c
     check_targets({"--output": tmp_path / "run.nc", "--figure": tmp_path / "run.png", "--animate": None})
     said = capsys.readouterr().err
     assert "run.nc" in said and "run.png exist and are replaced at the end" in said
-    with pytest.raises(ValueError, match=r"vehicle\.py: this file exists, and its ending '\.py' is none"):
+    with pytest.raises(ValueError, match=r"vehicle\.py: the ending '\.py' does not fit; use \.nc"):
         check_targets({"--output": tmp_path / "vehicle.py"})
     assert {file.read_text() for file in tmp_path.iterdir()} == {"kept"}
 
@@ -231,3 +231,85 @@ def test_unusual_values_pass_when_they_are_meant():
     for wrong in (math.nan, math.inf, 1e308):
         with pytest.raises(ValueError, match="--angle"):
             radians("--angle", wrong, quantity)
+
+
+FLOW = (["--threads", "0"], ["--threads", "2"], ["--cell-size", "0.018"], ["--coupling", "strong"], ["--coarse"])
+"""Options of the flow in the loop."""
+WITHOUT_EFFECT = [
+    *[(["lane-change", *model, *option], option[0], "add --hydrodynamics cfd")
+      for option in FLOW for model in ([], ["--hydrodynamics", "networks"], ["--hydrodynamics", "coefficients"])],
+    *[(["lane-change", "--depth-ratio", "0", *option], option[0], "on dry ground .*leave it out")
+      for option in (*FLOW, ["--hydrodynamics", "cfd"], ["--hydrodynamics", "networks"], ["--members"],
+                     ["--current", "1"], ["--current-direction", "90"], ["--networks", "a.safetensors"])],
+    (["lane-change", "--hydrodynamics", "none", "--current", "1"], "--current", "with --hydrodynamics none"),
+    (["lane-change", "--cell-size", "0.018", "--coupling", "strong"], "--cell-size and --coupling", "leave them"),
+    (["lane-change", "--setting", "fine", "--micro-step", "1e-4", "--macro-step", "1e-3"], "--setting", "leave it out"),
+    (["sweep", "--vary", "hull.mass=49,53", "--samples", "3"], "--samples", "nothing is drawn"),
+    (["sweep", "--vary", "hull.mass=49,53", "--seed", "0"], "--seed", "nothing is drawn"),
+    *[(["sweep", "study.toml", *option], option[0], "beside a study file")
+      for option in (["--seed", "1"], ["--samples", "4"], ["--setting", "fast"], ["--unusual"], ["--set", "soil.n=1"])],
+    (["sweep", "--vary", "hull.mass=49,53", "--mpi", "--workers", "2"], "--workers", "with --mpi"),
+    (["map", "--draws", "1", "--seed", "1"], "--seed", "with --draws 1"),
+    (["verify", "--list", "--slow"], "--slow", "with --list"),
+    (["verify", "--list", "sloshing"], "NAMES", "with --list"),
+    (["verify", "sloshing", "--slow"], "--slow", "where cases are named"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("arguments", "option", "remedy"), WITHOUT_EFFECT, ids=lambda v: " ".join(v) if isinstance(v, list) else ""
+)
+def test_options_without_effect_are_refused(arguments, option, remedy, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    answer = call(*arguments)
+    said = plain(answer.output)
+    assert answer.exit_code == 2, said
+    assert re.search(rf"{option}.* ha(s|ve) no effect .*{remedy}", said), said
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("arguments", [
+    ["--depth-ratio", "0", "--current", "0"], ["--depth-ratio", "0", "--hydrodynamics", "none"],
+    ["--hydrodynamics", "cfd", "--cell-size", "0.0002", "--threads", "2", "--coupling", "strong"],
+    ["--setting", "fine", "--micro-step", "1e-4"], ["--hydrodynamics", "none", "--depth-ratio", "0.5"],
+])  # fmt: skip
+def test_options_that_say_what_is_so_pass(arguments):
+    """They get as far as the soil, or the memory that cells of 0.2 mm need."""
+    said = plain(call("lane-change", *arguments, "--soil", "LETE snad").output)
+    assert "no effect" not in said and re.search("LETE sand|would fit", said), said
+
+
+@pytest.mark.parametrize(("arguments", "option"), [
+    (["lane-change"], "--output"), (["lane-change"], "--figure"), (["lane-change"], "--animate"),
+    (["lane-change"], "--checkpoint"), (["lane-change", "--resume"], "--checkpoint"), (["captive"], "--output"),
+    (["captive"], "--animate"), (["map"], "--csv"), (["map"], "--figure"), (["verify", "sloshing"], "--output"),
+    (["verify", "grid-convergence"], "--figure"), (["export", "n.safetensors"], "--output"),
+])  # fmt: skip
+@pytest.mark.parametrize("name", ["mine.py", "mine.txt", "mine.h5", "mine"])
+def test_an_ending_that_does_not_fit_the_format_is_refused(arguments, option, name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for content in (None, "precious"):
+        if content:
+            (tmp_path / name).write_text(content)
+        answer = call(*arguments, option, name)
+        said = plain(answer.output)
+        assert answer.exit_code == 2, said
+        assert re.search(
+            rf"{option[2:]} {name}: (the ending '.*' does not fit|the name has no ending); use \.", said
+        ), said
+    assert (tmp_path / name).read_text() == "precious"
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["sweep", "--vary", "hull.mass=49,49"], "hull.mass = 49 stands twice"),
+    (["sweep", "--vary", "soil=LETE sand,LETE sand"], "soil = 'LETE sand' stands twice"),
+    (["sweep", "--vary", "hull.mass=49,50", "--set", "hull.mass=50"], "both varied and set"),
+    (["sweep", "--vary", "hull.mass=49,50", "--set", "soil.n=1", "--set", "soil.n=0.9"], "soil.n is set already"),
+    (["map", "--soil", "LETE sand", "--soil", "LETE sand"], "--soil names a soil twice"),
+    (["lane-change", "--networks", "a.safetensors", "--networks", "./a.safetensors"], "--networks names a file twice"),
+])  # fmt: skip
+def test_what_is_given_twice_is_refused(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    answer = call(*arguments)
+    assert answer.exit_code == 2 and message in plain(answer.output), answer.output
+    assert list(tmp_path.iterdir()) == []

@@ -4,6 +4,7 @@ import importlib.util
 import logging
 import math
 import os
+import re
 import sys
 import time
 import tracemalloc
@@ -24,8 +25,11 @@ from exumob.flow.cost import flow_cost
 from exumob.flow.output.vtk import VtkSeries
 from exumob.flow.resolution import check_resolution
 from exumob.flow.vehicle_window import vehicle_window
+from exumob.simulation.cost import TIME_TO_SETTLE, driving_time
 from exumob.simulation.run import simulate
 from exumob.support import compiled, cost
+from exumob.sweeps.experiment import amphibious_lane_change
+from exumob.sweeps.run import START, need
 from exumob.towing_tank import captive_run
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
@@ -328,3 +332,29 @@ def test_training_takes_as_long_as_measured():
     runs = {str(n): xr.Dataset(coords={"time": [0.0, 8.0]}) for n in range(9)}
     assert training_time([presets["paper-lstm"]], runs, 1) == pytest.approx(180.0)
     assert training_time([presets["residual"]], runs, 5) == pytest.approx(50.0)
+
+
+def test_a_run_takes_as_long_as_measured():
+    """With the networks 1.28 and 1.38 s for 8 s with the setting fast, 1.37 and 1.62 s for a second with fine."""
+    assert driving_time(8.0, 1e-3, 0.02) == pytest.approx(1.33, rel=0.1)
+    assert driving_time(1.0, 1e-4, 1e-3) == pytest.approx(1.5, rel=0.1)
+
+
+@pytest.mark.parametrize(("load", "processes", "words"), [
+    (0.1, 1, "about 20 s, if no other program takes its share of the 2 cores"),
+    (5.0, 2, r"the 2 cores \(about 1.2 min beside those at work now\)"), (3.0, 1, r"\(about 40 s beside"),
+])  # fmt: skip
+def test_other_programs_are_reckoned_with(load, processes, words, monkeypatch):
+    monkeypatch.setattr(cost, "cores", lambda: 2)
+    monkeypatch.setattr(cost, "_busy", lambda: load)
+    assert re.search(words + ("$" if load < 1.0 else ""), cost.expected_time(20.0, processes))
+
+
+def test_a_sweep_says_what_its_runs_and_processes_take(monkeypatch):
+    monkeypatch.setattr("exumob.sweeps.run.cores", lambda: 2)
+    cases = [{"hull.mass": mass} for mass in (49.0, 50.0, 51.0, 52.0, 53.0, 54.0)]
+    one = driving_time(8.0, 1e-3, 0.02) + TIME_TO_SETTLE
+    assert need(amphibious_lane_change(), cases).time == pytest.approx(3.0 * one + START)
+    assert need(amphibious_lane_change(), cases[:1]).time == pytest.approx(one + START)
+    fine = [case | {"setting": "fine", "duration": 1.0} for case in cases]
+    assert need(amphibious_lane_change(), fine, 1).time == pytest.approx(6.0 * (1.45 + TIME_TO_SETTLE) + START)

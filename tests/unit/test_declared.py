@@ -241,3 +241,24 @@ def test_fields_can_be_listed_with_unit_bounds_default_and_meaning():
     assert high.quantity.infinite
     depth = declared_fields(Water)[0]
     assert depth.quantity.unit == "m" and depth.meaning.startswith("Still-water depth")
+
+
+@pytest.mark.parametrize(("make", "message"), [
+    (lambda: Soil(phi=0.5, k_c=1.0), r"Soil has no field 'phi' \(did you mean friction_angle or k_phi\?\)"),
+    (lambda: replace(Soil.published("LETE sand"), cohesoin=1e3), "'cohesoin' .did you mean cohesion"),
+    (lambda: Soil(c=1.0, mu=2.0), r"'c' \(did you mean cohesion or .*\?\), no field 'mu'; its fields are k_c, k_phi"),
+    (lambda: Water(dept=0.1), "Water has no field 'dept' .did you mean depth"),
+    (lambda: Water(speed=0.1), "did you mean current_speed"),
+    (lambda: replace(amphibious_vehicle().hull, weight=3.0), "Hull has no field 'weight' .did you mean height"),
+    (lambda: Part(sizes=1.0), "Part has no field 'sizes' .did you mean size"),
+])  # fmt: skip
+def test_a_field_that_is_not_there_is_answered_by_the_nearest(make, message):
+    for kind in (ValueError, TypeError):  # for the command line, and for whoever expects what Python raises
+        with pytest.raises(kind, match=message):
+            make()
+
+
+@pytest.mark.parametrize("make", [lambda: Water(), lambda: Water(1, 2, 3, 4, 5, 6), lambda: Water(0.1, depth=0.1)])
+def test_other_mistakes_of_a_call_stay_what_python_says(make):
+    with pytest.raises(TypeError, match="argument"):
+        make()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from exumob.driving.maneuver import ConstantSteer, LaneChange, Recorded, lane_change, ramp, smooth_step
+from exumob.driving.path_following import PathFollowing
 
 H = 1e-5
 """Step of central differences [s]: their error, H^2/6 times a third derivative (below 1e5), is below 2e-6."""
@@ -164,3 +165,24 @@ def test_recorded_starts_with_zero_rates():
 def test_bad_input_is_named(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+@pytest.mark.parametrize("make", [
+    lambda: lane_change(10.0, 0.5), lambda: LaneChange(10.0), lambda: ConstantSteer(10.0, 0.3),
+])  # fmt: skip
+def test_an_angle_in_place_of_a_wheel_speed_is_told_the_order(make):
+    with pytest.raises(
+        ValueError,
+        match=r"is it in degrees\? Then give math\.radians\(10\)\. The angle comes first; a wheel "
+        r"speed .* goes into the field `speed`",
+    ):
+        make()
+
+
+@pytest.mark.parametrize(("waypoints", "reach", "said"), [
+    (((0, 0), (5000, 500)), 2.0, True), (((0, 0), (5000, 500)), 60.0, True), (((0, 0), (20, 2)), 0.01, False),
+    (((0, 0), (2000, 500)), 100.0, False), (((-1, 0), (2000, 0), (20000, 100)), 8.0, True),
+])  # fmt: skip
+def test_a_path_in_millimetres_is_noted(waypoints, reach, said, caplog):
+    PathFollowing(waypoints).warn_of_length(reach)
+    assert [("in mm" in record.message) for record in caplog.records] == [True] * said

@@ -7,7 +7,9 @@ import sys
 import numpy as np
 import pytest
 
+from exumob.simulation.water_models import hydrodynamics_named
 from exumob.surrogates.networks import geometry
+from exumob.water.conditions import Water
 from exumob.water.hydrostatics import hydrostatic_wrench
 from exumob.water.mesh_file import mesh_digest, mesh_triangles
 from exumob.water.mesh_lines import lines_through
@@ -241,3 +243,13 @@ def test_networks_know_the_contents_of_a_mesh(vehicle, tmp_path):
     assert one["hull.mesh"] != other["hull.mesh"]
     assert {k: v for k, v in one.items() if k != "hull.mesh"} == {k: v for k, v in other.items() if k != "hull.mesh"}
     assert geometry(vehicle)["hull.mesh"] is None
+
+
+@pytest.mark.usefixtures("fresh_warnings")
+def test_a_mesh_is_looked_at_before_what_the_networks_lack(vehicle, tmp_path, caplog):
+    """Of a hull that the networks do not know either: one message, the one that matters."""
+    (tmp_path / "empty.stl").write_bytes(b"")
+    hull = dataclasses.replace(vehicle.hull, mesh=tmp_path / "empty.stl", width=0.4)
+    with pytest.raises(ValueError, match=r"empty\.stl"):
+        hydrodynamics_named("auto", dataclasses.replace(vehicle, hull=hull), Water(0.1))
+    assert caplog.records == []

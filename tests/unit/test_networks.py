@@ -71,7 +71,7 @@ def test_export_command(tmp_path):
     assert answer.exit_code == 0 and file.stat().st_size > 50_000
     assert "residual, seed 0" in answer.output and "'coefficients'" in answer.output
     wrong = CliRunner().invoke(app, ["export", str(shipped_networks()[0]), "--output", str(tmp_path / "one.pt")])
-    assert wrong.exit_code == 2 and "must end in .onnx" in wrong.output
+    assert wrong.exit_code == 2 and "use .onnx" in wrong.output
     foreign = CliRunner().invoke(app, ["export", str(file), "--output", str(file)])
     assert foreign.exit_code == 2 and "not a file of networks" in foreign.output.replace("\n", " ")
 

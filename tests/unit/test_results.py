@@ -371,3 +371,11 @@ def test_what_the_water_model_adds_reaches_the_result(short_run):
     assert np.isfinite(parts).all()
     whole = short_run["water_wrench"].sel(time=0.02)  # held from the tick before
     np.testing.assert_allclose(whole, parts.sel(macro_time=0.0), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run.txt", "run", "run.h5", "run.nc.bak"])
+def test_a_result_is_written_to_netcdf_alone(short_run, tmp_path, name):
+    (tmp_path / name).write_text("precious")
+    with pytest.raises(ValueError, match=r"save_dataset\.file = .*use \.nc"):
+        save_dataset(short_run, tmp_path / name)
+    assert (tmp_path / name).read_text() == "precious"

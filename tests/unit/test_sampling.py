@@ -10,6 +10,7 @@ from scipy import stats
 
 from exumob.driving.maneuver import ConstantSteer
 from exumob.ground.soil import Soil
+from exumob.support.quantities import ImplausibleValue
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.sweeps import Choice, Experiment, LogNormal, Normal, Triangular, Uniform, as_grid, grid, sample
 from exumob.sweeps.experiment import amphibious_lane_change
@@ -158,6 +159,7 @@ def test_correlations_are_kept():
     (lambda: sample(8, {"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, correlations={"ab": 0.5}), "two different"),
     (lambda: sample(8, {"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, correlations={("a", "b"): "x"}), "a number"),
     (lambda: grid({"a": 3}), "a = 3 must be a list"), (lambda: grid({"a": "abc"}), "must be a list"),
+    (lambda: grid({"a": [1, 2, 1.0]}), "a = 1.0 stands twice"), (lambda: grid({"a": np.ones(2)}), "stands twice"),
     (lambda: grid({"a": np.ma.masked_equal([1, 2], 1)}), "masked values"),
     (lambda: grid({"a": {1, 2}}), "in their order"), (lambda: grid([1]), "grid.values"),
     (lambda: grid({"a": range(10**6), "b": range(10**6)}), "1,000,000,000,000 cases are too many"),
@@ -192,6 +194,10 @@ def test_variations_as_text():
     for bad, word in (
         ("hull.mass", "write name=0,0.5,1"), ("a~normal(1", "write name"), ("a~magic(1)", "'magic' is not known"),
         ("a~normal(1,2,3,4,5)", "takes other parameters"), ("a=1:2:x", "a range needs"),
+        ("hull.mass=49:53", "a range needs from:to:number"), ("a=1:", "a range needs from:to:number"),
+        ("a=1:2:3:4", "a range needs from:to:number"), ("a~normal(1300)", r"give normal\(mean, deviation\)"),
+        ("a~uniform(1)", r"give uniform\(low, high\)"), ("a~lognormal(1)", r"give lognormal\(median, spread\)"),
+        ("a~triangular(1,2)", r"give triangular\(low, mode, high\)"),
     ):  # fmt: skip
         with pytest.raises(ValueError, match=word):
             parse_variation(bad)
@@ -360,3 +366,27 @@ def test_maneuvers_have_names():
     assert model.value("maneuver.gain") == 3.0
     with pytest.raises(ValueError, match="'lane change', 'straight', 'path following'"):
         model.with_values({"maneuver": "slalom"})
+
+
+@pytest.mark.parametrize("drawn", [
+    "soil.cohesion~normal(300,120)", "soil.k_phi~lognormal(9000,0.4)", "soil.cohesion~uniform(1,600)",
+    "soil.cohesion~triangular(1,2,2000)",
+])  # fmt: skip
+def test_the_tail_of_a_plausible_distribution_passes(drawn):
+    """Single draws lie below the lower end of what is plausible; the median does not."""
+    experiment, cases = from_options(None, ["soil=Sandy loam 22 %"], [drawn], 64, 0)
+    (name,) = cases[0]
+    low = min(case[name] for case in cases)
+    with pytest.raises(ImplausibleValue):
+        experiment.with_values({name: float(low)})
+    experiment.check_values(name, [case[name] for case in cases])
+    assert experiment.with_values({name: low}).value(name) == low
+
+
+@pytest.mark.parametrize(
+    "drawn", ["soil.cohesion~normal(1.3,0.2)", "soil.k_phi~uniform(3,9)", "soil.cohesion~uniform(1,20)"]
+)
+def test_a_distribution_in_another_unit_is_refused_by_its_median(drawn):
+    with pytest.raises(ValueError, match=r"the median of what .* is drawn from.*"):
+        from_options(None, [], [drawn], 8, 0)
+    assert len(from_options(None, [], [drawn], 8, 0, True)[1]) == 8

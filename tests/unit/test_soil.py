@@ -5,7 +5,8 @@ from dataclasses import fields, replace
 
 import pytest
 
-from exumob.ground.soil import Soil
+from exumob.ground.soil import WIDEST_PUBLISHED, Soil
+from exumob.support.quantities import ImplausibleValue, unusual
 
 LETE = Soil.published("LETE sand")
 
@@ -106,3 +107,16 @@ def test_values_that_a_scatter_reaches_pass_and_kilonewtons_do_not(row, factor):
         with pytest.raises(ValueError, match=rf"Soil\.{name} = .*is it in k"):
             replace(soil, **{name: 1e-3 * getattr(soil, name)})
     assert replace(soil, cohesion=0.45 * soil.cohesion, k_phi=0.45 * soil.k_phi).name == row.name
+
+
+@pytest.mark.parametrize("row", Soil.published_table(), ids=lambda row: row.name)
+def test_swapped_moduli_are_refused_and_published_ones_are_far_from_it(row):
+    soil = row.soil
+    assert soil.k_c / soil.k_phi <= WIDEST_PUBLISHED
+    k_c, k_phi = max(soil.k_phi, 1e6), max(soil.k_c, 6e3)  # what kilonewtons would look like is refused by its size
+    with pytest.raises(ImplausibleValue, match=r"k_c = .* k_phi = .* swapped.*unusual"):
+        replace(soil, k_c=k_c, k_phi=k_phi)
+    for change in ({"k_c": unusual(k_c), "k_phi": k_phi}, {"k_c": k_c, "k_phi": unusual(k_phi)}):
+        assert replace(soil, **change).k_c == k_c
+    assert replace(soil, k_c=k_c, k_phi=0.0).k_phi == 0.0
+    assert replace(soil, k_c=12.0).k_c == 12.0

@@ -190,7 +190,7 @@ GAP[1, 2] = -9999.0
         ({"heights": DEM.astype(str)}, "holds texts"),
         ({"heights": DEM > 0.0}, "holds logical values"),
         ({"heights": DEM + 0j}, "holds complex values"),
-        ({"heights": np.zeros((3, 3)), "spacing": 0.0}, "spacing = 0.0 m must be > 0"),
+        ({"heights": np.zeros((3, 3)), "spacing": 0.0}, "spacing = 0.0 m must be > 0 .*give a value within"),
         ({"heights": np.zeros((3, 3)), "spacing": (0.1, -0.1)}, r"spacing\[1\] = -0.1 m must be > 0.*heights\[::-1\]"),
         ({"heights": np.zeros((3, 3)), "spacing": (0.1, 0.1, 0.1)}, "spacing = .* has 3 values; it must have 2"),
         ({"heights": np.zeros((3, 3)), "spacing": 2.8e-4}, "plausible range"),

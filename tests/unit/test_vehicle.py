@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import vehicle_models.amphibious
-from exumob.support.quantities import ImplausibleValue
+from exumob.support.quantities import ImplausibleValue, unusual
 from exumob.vehicle.parameters import Steering, Vehicle, Wishbones, box_inertia
 from exumob.vehicle.vehicle_file import load_vehicle
 from vehicle_models.amphibious import amphibious_vehicle
@@ -324,3 +324,25 @@ def test_side_profile_is_a_box_less_the_rake(bow_length, bow_height, corners):
     assert (np.linalg.norm(profile - np.roll(profile, 1, axis=0), axis=1) > 0.0).all()
     assert profile_area(profile) == pytest.approx(hull.length * hull.height - 0.5 * bow_length * bow_height)
     assert profile.min(axis=0) == pytest.approx([hull.center_x - 0.5 * hull.length, hull.ground_clearance])
+
+
+@pytest.mark.parametrize(("part", "change", "fields"), [
+    ("wheel", {"diameter": 0.08, "width": 0.2}, ("width", "diameter")),
+    ("hull", {"center_of_mass_height": 0.8}, ("center_of_mass_height", "height")),
+    ("hull", {"center_of_mass_height": 0.01, "ground_clearance": 0.2}, ("center_of_mass_height", "ground_clearance")),
+    ("hull", {"length": 0.44, "width": 1.0}, ("width", "length")),
+    ("suspension", {"stiffness": 5e4, "stop_stiffness": 4350.0}, ("stop_stiffness", "stiffness")),
+])  # fmt: skip
+def test_swapped_sizes_are_refused_unless_they_are_meant(part, change, fields):
+    whole = getattr(amphibious_vehicle(), part)
+    with pytest.raises(ImplausibleValue, match=rf"{fields[0]} = .*{fields[1]} = .*{fields[0]}=unusual") as error:
+        replace(whole, **change)
+    assert f"{change[fields[0]]:g}" in str(error.value)
+    assert getattr(replace(whole, **change | {fields[0]: unusual(change[fields[0]])}), fields[0]) == change[fields[0]]
+
+
+def test_a_load_on_deck_passes():
+    hull = amphibious_vehicle().hull
+    deck = hull.ground_clearance + hull.height
+    assert replace(hull, center_of_mass_height=deck + 0.9 * hull.height).center_of_mass_height > deck
+    assert replace(amphibious_vehicle().wheel, width=0.2).width == 0.2  # as wide as high
