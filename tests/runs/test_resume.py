@@ -174,7 +174,7 @@ def test_checkpoint_of_another_run_is_refused(vehicle, sand, tmp_path, monkeypat
             simulate(*other, **given, resume=True)
     with pytest.raises(ValueError, match=r"another run: coupling, steps differ\."):
         changed = given | {"micro_step": 2.5e-4}
-        simulate(vehicle, sand, WATER, QUICK, **changed, resume=True, coupling=Explicit(within_step="linear"))
+        simulate(vehicle, sand, WATER, QUICK, **changed, resume=True, coupling=Explicit(within_step="held"))
     monkeypatch.setattr(exumob.simulation.checkpoint, "program_digest", lambda: "another")
     with pytest.raises(ValueError, match=r"another run: program differs"):
         simulate(vehicle, sand, WATER, QUICK, **given, resume=True)
