@@ -161,7 +161,7 @@ def _together(cases: Sequence[_Case]) -> Trust:
     soil = _soil_line([run for run, _, _ in cases])
     model = first.hydrodynamics
     if water is None:
-        return _dry(first, soil)
+        return _dry([run for run, _, _ in cases], soil)
     if isinstance(model, NoWater):
         return Trust("no water", "not validated", "", soil, advice="there is water, and its loads are left out.")
     if isinstance(model, CfdHydrodynamics):
@@ -187,16 +187,24 @@ def _together(cases: Sequence[_Case]) -> Trust:
     return replace(trust, status="beyond", departures=tuple(departures), advice=advice)
 
 
-def _dry(run: RunDescription, soil: str) -> Trust:
+def _dry(runs: Sequence[RunDescription], soil: str) -> Trust:
     table = measured_errors()
     off = table["dry"]["end"]
-    departures = [] if _same_vehicle(run.vehicle) else [Departure("vehicle", (run.vehicle.name,), measured_vehicle())]
-    departures += _step_departures(run.steps.micro_step, math.nan, table)
+    departures = _merged(d for run in runs for d in _dry_departures(run, table))
     error = (
         f"the steps move the end of the path by {_percent(off)}; no vehicle that was driven on soil has been compared."
     )
     status, advice = ("beyond", "The error of the steps is not known.") if departures else ("measured", "")
     return Trust("no water", status, error, soil, tuple(departures), off, off, advice)
+
+
+def _dry_departures(run: RunDescription, table: Mapping[str, Any]) -> Iterator[Departure]:
+    if not _same_vehicle(run.vehicle):
+        yield Departure("vehicle", (run.vehicle.name,), measured_vehicle())
+    if _is_straight(run):
+        yield Departure("maneuver", ("straight ahead",), "lane change")
+    yield from _common_departures(run, [row for row in table["runs"] if row["scenario"] == "D60/U1"], table)
+    yield from _step_departures(run.steps.micro_step, math.nan, table)
 
 
 def _flow(run: RunDescription, soil: str) -> Trust:
@@ -242,7 +250,13 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
         f"{len(rows)} {'runs' if straight else 'lane changes'}{' that they had not seen' if name == 'networks' else ''}"
     )
     which = "this vehicle" if same else f"the {measured_vehicle()} vehicle"
-    error = f"{amount} the flow in the loop{side}{near} ({on}; {which}, {table['soil']}, {_ranges(rows)})."
+    taught = [row for row in table["runs"] if row["taught_networks"]] if name == "networks" else []
+    seen = ""
+    if taught:
+        ends = [abs(row[name]["speed" if straight else "end"]) for row in taught]
+        worst_seen = f"{max(ends):.2g} m/s" if straight else _percent(max(ends))
+        seen = f"; {len(taught)} that they had, {_ranges(taught)}: at worst {worst_seen}"
+    error = f"{amount} the flow in the loop{side}{near} ({on}; {which}, {table['soil']}, {_ranges(rows)}{seen})."
     if same:
         return Trust(name, "measured", error, soil, (), mean, worst, nearest=near)
     advice = f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop. Elsewhere"
@@ -255,13 +269,7 @@ def _departures(run: RunDescription, out_of_range: float | None, fallback: float
     rows = table["runs"]
     in_loop = isinstance(model, CfdHydrodynamics)
     yield from _water_departures(run.vehicle, water, rows, table["density"])
-    if not _published(run.soil, table["soil"]):
-        own = f"{run.soil.name} with other values" if run.soil.name == table["soil"] else run.soil.name
-        yield Departure("soil", (own or "of your own",), table["soil"])
-    yield from _vehicle_departures(run.vehicle, table["vehicle"])
-    yield from _maneuver_departures(run, rows, table)
-    if abs(run.initial_speed) > 1e-6:
-        yield Departure("initial speed", (run.initial_speed,), "0", "m/s")
+    yield from _common_departures(run, rows, table)
     if in_loop:
         code = getattr(model, "flow", None)
         size = float(getattr(code, "cell_size", math.nan))
@@ -280,6 +288,23 @@ def _departures(run: RunDescription, out_of_range: float | None, fallback: float
             yield Departure(_RANGE, (100.0 * out_of_range,), f"{100.0 * most:.2g}", "% of the time")
     elif isinstance(model, CoefficientHydrodynamics) and model.parameters != CoefficientHydrodynamics().parameters:
         yield Departure("coefficients", ("of your own",), "the published ones")
+
+
+def _common_departures(
+    run: RunDescription, rows: Sequence[Mapping[str, Any]], table: Mapping[str, Any]
+) -> Iterator[Departure]:
+    """Find in what a run lies beyond those that were measured, in water or on dry ground."""
+    if not _published(run.soil, table["soil"]):
+        own = f"{run.soil.name} with other values" if run.soil.name == table["soil"] else run.soil.name
+        yield Departure("soil", (own or "of your own",), table["soil"])
+    if not run.terrain.is_flat:
+        yield Departure("terrain", ("not flat",), "flat")
+    yield from _vehicle_departures(run.vehicle, table["vehicle"])
+    yield from _maneuver_departures(run, rows, table)
+    if abs(run.initial_speed) > 1e-6:
+        yield Departure("initial speed", (run.initial_speed,), "0", "m/s")
+    if run.forces:
+        yield Departure("forces of your own", (f"{len(run.forces)}",), "none")
 
 
 _RANGE = "outside the networks' training range for"

@@ -24,6 +24,7 @@ from exumob.simulation.trust import coefficients_off, shape_differences, trust_o
 from exumob.support.measured import measured_errors
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.sweeps.experiment import amphibious_crossing, amphibious_lane_change
+from exumob.vehicle.point_force import PointForce
 from exumob.vehicle.vehicle_file import load_vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
 from exumob.water.conditions import Water
@@ -54,6 +55,38 @@ def test_networks_on_a_run_like_those_measured():
     assert f"{100 * np.mean(off):.2g} % of its length (at worst {100 * max(off):.2g} %)" in found.line
     assert "4 lane changes that they had not seen; this vehicle, LETE sand" in found.line
     assert "published values (LETE sand), flat" in found.line
+
+
+def test_both_sets_of_runs_are_named_with_their_ranges():
+    """What counts as measured, and what the error was found on: no water lies within one and outside both of them."""
+    line = trust_of(RUN, 0.0, 0.0).line
+    assert "depth ratio 0.5 to 0.6, current 0.5 to 1 m/s from ahead; 9 that they had, depth ratio 0.4 to 0.6" in line
+    for water in (Water.at_ratio(0.6), Water.at_ratio(0.42, 0.25)):
+        found = trust_of(replace(RUN, water=water), 0.0, 0.0)
+        assert found.status == "measured"
+        assert "9 that they had, depth ratio 0.4 to 0.6, current 0 to 1 m/s from ahead: at worst" in found.line
+
+
+DRY = replace(RUN, water=None, hydrodynamics=NoWater())
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"terrain": Terrain.slope(0.1)}, "terrain not flat (flat)"),
+        ({"soil": Soil.published("Lunar soil")}, "soil Lunar soil (LETE sand)"),
+        ({"steps": replace(RUN.steps, duration=2.0)}, "duration 2 s (8 s)"),
+        ({"maneuver": replace(lane_change(), speed=30.0)}, "wheel speed 30 rad/s"),
+        ({"maneuver": ConstantSteer()}, "maneuver straight ahead (lane change)"),
+        ({"initial_speed": 0.5}, "initial speed 0.5 m/s (0 m/s)"),
+        ({"forces": (PointForce(lambda t, x, v: (0.0, 0.0, 0.0)),)}, "forces of your own 1 (none)"),
+        ({"vehicle": replace(CAR, hull=replace(CAR.hull, mass=60.0))}, "hull.mass 60 (49)"),
+    ],
+)
+def test_dry_runs_say_in_what_they_lie_beyond(change, text):
+    found = trust_of(replace(DRY, **change))
+    assert found.status == "beyond"
+    assert text in found.line
 
 
 def test_coefficients_are_far_worse_and_the_nearest_run_is_named():
