@@ -126,7 +126,7 @@ def check_light_box(cell_size: CellSize = 0.03, dt: Interval = 2e-3) -> list[Che
     """Explicit grows, the others do not, and agree."""
     body, solver, rest = light_box(cell_size)
     speeds = [0.0]
-    scheme = Explicit()
+    scheme = Explicit(within_step="held")
     water = TankWater(solver)
     solver.start(Poses.from_states(body.present()))
     try:
