@@ -18,7 +18,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from exumob.commands.shared import fail
+from exumob.commands.shared import errors, fail
 from exumob.support.quantities import CELL_SIZE, CURRENT_SPEED, DIRECTION, DURATION, STEP, Quantity, Unusual
 
 RUN = "Run"
@@ -235,4 +235,18 @@ def radians(option: str, degrees: float, quantity: Quantity, unusual: bool = Fal
     low, high = (math.degrees(bound) for bound in bounds)
     if not low - 1e-9 <= degrees <= high + 1e-9:
         raise ValueError(f"{option} {degrees:g} must be {low:.6g} to {high:.6g} degrees; give an angle within.")
+    if taken_for_radians(degrees):
+        errors.print(
+            f"{option} {degrees:g} was understood in degrees; in radians it would be {math.degrees(degrees):.4g} deg.",
+            style="yellow", soft_wrap=True,
+        )  # fmt: skip
     return min(max(math.radians(degrees), bounds[0]), bounds[1])
+
+
+COMMON_ANGLES = (15, 30, 45, 60, 90, 120, 135, 150, 180, 270, 360)
+"""Angles [deg] that in radians have four digits, none of them 0 at the end."""
+
+
+def taken_for_radians(degrees: float) -> bool:
+    """Tell whether a number of degrees is to four digits one of `COMMON_ANGLES` in radians, with either sign."""
+    return f"{abs(degrees):.4g}" in {f"{math.radians(angle):.4g}" for angle in COMMON_ANGLES}

@@ -72,7 +72,7 @@ def _print_summary(result: xr.Dataset, figures: dict[str, Any], setting: str) ->
         else f"{100 * slip:.1f} % (mean of the wheels in contact, second half)",
         "buoyed weight": f"{100 * figures['buoyed_share']:.1f} % carried by the water (mean)",
         "driving energy": f"{figures['spin_energy']:.1f} J",
-        **({"setting": setting} if setting and result.attrs["trust_status"] == "measured" else {}),
+        **({"setting": setting} if setting and result.attrs.get("trust_status") == "measured" else {}),
         **_range_lines(figures),
         **_member_lines(figures),
         "wall time": f"{figures['wall_time']:.2f} s, and {float(result.attrs['settling_wall_time']):.2f} s to settle",

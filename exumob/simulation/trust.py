@@ -15,11 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from exumob.coupling.explicit import Explicit
 from exumob.coupling.flow_code import BuiltInFlow
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
+from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.driving.maneuver import ConstantSteer, LaneChange
 from exumob.ground.soil import Soil
 from exumob.simulation.description import RunDescription
+from exumob.simulation.settings import DEFAULT_SETTING, setting_named
 from exumob.support.measured import flow_load_error, measured_errors
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import GEOMETRY
@@ -203,7 +206,7 @@ def _dry_departures(run: RunDescription, table: Mapping[str, Any]) -> Iterator[D
         yield Departure("vehicle", (run.vehicle.name,), measured_vehicle())
     if _is_straight(run):
         yield Departure("maneuver", ("straight ahead",), "lane change")
-    yield from _common_departures(run, [row for row in table["runs"] if row["scenario"] == "D60/U1"], table)
+    yield from _common_departures(run, _rows_of("D60/U1"), table)
     yield from _step_departures(run.steps.micro_step, math.nan, table)
 
 
@@ -266,11 +269,23 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
 def _departures(run: RunDescription, out_of_range: float | None, fallback: float | None) -> Iterator[Departure]:
     """Find in what a run lies beyond those that were measured with its model and vehicle."""
     table, water, model = measured_errors(), run.water, run.hydrodynamics
-    rows = table["runs"]
     in_loop = isinstance(model, CfdHydrodynamics)
+    rows = _rows_of(table["flow"]["scenario"]) if in_loop else table["runs"]
     yield from _water_departures(run.vehicle, water, rows, table["density"])
     yield from _common_departures(run, rows, table)
+    usual = SemiImplicit if in_loop else Explicit
+    if water is not None and type(run.coupling) is not usual:
+        yield Departure("coupling", (type(run.coupling).__name__,), usual.__name__)
+    if isinstance(model, SurrogateHydrodynamics | CoefficientHydrodynamics):
+        held, measured = getattr(run.coupling, "within_step", None), Explicit().within_step
+        if isinstance(run.coupling, Explicit) and water is not None and held != measured:
+            yield Departure("loads within a step", (str(held),), measured)
     if in_loop:
+        if _is_straight(run):
+            yield Departure("maneuver", ("straight ahead",), "lane change")
+        micro_step, macro_step = setting_named(DEFAULT_SETTING).steps(flow_in_loop=True)
+        most = {"micro_step": micro_step, "macro_step": macro_step}
+        yield from _step_departures(run.steps.micro_step, run.steps.macro_step, most)
         code = getattr(model, "flow", None)
         size = float(getattr(code, "cell_size", math.nan))
         low, high = min(table["flow"]["cell_sizes"]), max(table["flow"]["cell_sizes"])
@@ -283,9 +298,9 @@ def _departures(run: RunDescription, out_of_range: float | None, fallback: float
             yield Departure("networks", (float(len(model.networks)),), f"{len(table['networks'])} together")
         if not model.fallback:
             yield Departure("outside their range", ("networks alone",), "the coefficient model takes over")
-        most = max(row["networks"]["out_of_range"] for row in rows)
-        if out_of_range is not None and out_of_range > most + 0.005:
-            yield Departure(_RANGE, (100.0 * out_of_range,), f"{100.0 * most:.2g}", "% of the time")
+        longest = max(row["networks"]["out_of_range"] for row in rows)
+        if out_of_range is not None and out_of_range > longest + 0.005:
+            yield Departure(_RANGE, (100.0 * out_of_range,), f"{100.0 * longest:.2g}", "% of the time")
     elif isinstance(model, CoefficientHydrodynamics) and model.parameters != CoefficientHydrodynamics().parameters:
         yield Departure("coefficients", ("of your own",), "the published ones")
 
@@ -313,7 +328,9 @@ _RANGE = "outside the networks' training range for"
 def _water_departures(
     vehicle: Vehicle, water: Water | None, rows: Sequence[Mapping[str, Any]], density: float
 ) -> Iterator[Departure]:
-    if water is None:
+    if water is None:  # a dry run among wet ones
+        low, high = (end(row["depth_ratio"] for row in rows) for end in (min, max))
+        yield Departure("depth ratio", (0.0,), _span(low, high))
         return
     for quantity, value, name, unit in (
         ("depth ratio", water.depth / vehicle.wheel.diameter, "depth_ratio", ""),
@@ -332,8 +349,8 @@ def _water_departures(
 def _vehicle_departures(vehicle: Vehicle, measured: Mapping[str, Any]) -> Iterator[Departure]:
     trained, present = _flat(measured), _plain(vehicle)
     for name, value in trained.items():
-        if name != "name" and name in present and not _same(present[name], value):
-            yield Departure(name, (_number(present[name]),), _number(value))
+        if name != "name" and not (name in present and _same(present[name], value)):
+            yield Departure(name, (_number(present[name]) if name in present else "of its own",), _number(value))
 
 
 def _maneuver_departures(
@@ -348,12 +365,16 @@ def _maneuver_departures(
         if not maneuver.end <= run.steps.duration <= table["duration"] * (1.0 + CLOSE):
             yield Departure("duration", (run.steps.duration,), f"{table['duration']:g}", "s")
         reference = LaneChange()
-        times = (maneuver.start, maneuver.end, maneuver.ramp_time)
-        if not np.allclose(times, (reference.start, reference.end, reference.ramp_time), rtol=0.05):
+        if not math.isclose(maneuver.ramp_time, reference.ramp_time, rel_tol=0.05):
+            yield Departure("ramp time", (maneuver.ramp_time,), f"{reference.ramp_time:g}", "s")
+        if not np.allclose((maneuver.start, maneuver.end), (reference.start, reference.end), rtol=0.05):
             yield Departure("lane change", (f"from {maneuver.start:g} to {maneuver.end:g} s",), "2 to 5.5 s")
     elif isinstance(maneuver, ConstantSteer):
         if maneuver.angle != 0.0:
             yield Departure("constant steering", (math.degrees(maneuver.angle),), "0", "deg")
+        ramp_time = ConstantSteer().ramp_time
+        if not math.isclose(maneuver.ramp_time, ramp_time, rel_tol=0.05):
+            yield Departure("ramp time", (maneuver.ramp_time,), f"{ramp_time:g}", "s")
         if run.steps.duration < table["straight_duration"] * (1.0 - CLOSE):
             yield Departure("duration", (run.steps.duration,), f"{table['straight_duration']:g}", "s")
     else:
@@ -361,6 +382,8 @@ def _maneuver_departures(
         return
     if not math.isclose(maneuver.speed, table["wheel_speed"], rel_tol=0.05):
         yield Departure("wheel speed", (maneuver.speed,), f"{table['wheel_speed']:g}", "rad/s")
+    if maneuver.start_speed != 0.0:
+        yield Departure("wheel speed at the start", (maneuver.start_speed,), "0", "rad/s")
 
 
 def _step_departures(micro_step: float, macro_step: float, table: Mapping[str, Any]) -> Iterator[Departure]:
@@ -391,6 +414,10 @@ def _what_to_believe(out_of_range: float, fallback: float) -> str:
 
 
 # -- what a run is -----------------------------------------------------------------------------------------------------
+
+
+def _rows_of(scenario: str) -> list[Mapping[str, Any]]:
+    return [row for row in measured_errors()["runs"] if row["scenario"] == scenario]
 
 
 def _is_straight(run: RunDescription) -> bool:
@@ -463,6 +490,8 @@ def _same(value: Any, other: Any) -> bool:
 
 
 def _number(value: Any) -> str:
+    if value is None:
+        return "none"
     return f"{value:.4g}" if isinstance(value, int | float) else str(value)
 
 

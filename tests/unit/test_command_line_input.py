@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from exumob.__main__ import app
-from exumob.commands.options import option_names, radians, with_option_names
+from exumob.commands.options import COMMON_ANGLES, option_names, radians, taken_for_radians, with_option_names
 from exumob.commands.shared import check_targets
 from exumob.ground.soil import Soil
 from exumob.support.quantities import Quantity
@@ -313,3 +313,28 @@ def test_what_is_given_twice_is_refused(arguments, message, tmp_path, monkeypatc
     answer = call(*arguments)
     assert answer.exit_code == 2 and message in plain(answer.output), answer.output
     assert list(tmp_path.iterdir()) == []
+
+
+def test_angles_that_are_given_in_radians_are_noticed(capsys):
+    """Four digits of a common angle in radians; angles that people give in degrees are none of them."""
+    for angle in map(math.radians, COMMON_ANGLES):
+        assert len(f"{angle:.4g}".lstrip("0.").replace(".", "")) == 4
+        for digits in (4, 6, 16):
+            assert taken_for_radians(float(f"{angle:.{digits}g}")), angle
+            assert taken_for_radians(-float(f"{angle:.{digits}g}")), angle
+    for degrees in (
+        *(0.5 * n for n in range(-720, 721)),
+        0.1,
+        0.52,
+        0.8,
+        1.57,
+        3.14,
+        6.28,
+        math.degrees(math.pi / 6.0),
+    ):
+        assert not taken_for_radians(degrees), degrees
+    quantity = Quantity("rad", at_least=-math.pi, at_most=math.pi)
+    assert radians("--steering", 0.5236, quantity) == math.radians(0.5236)
+    assert "--steering 0.5236 was understood in degrees; in radians it would be 30 deg" in capsys.readouterr().err
+    radians("--steering", 30.0, quantity)
+    assert capsys.readouterr().err == ""

@@ -12,6 +12,8 @@ import pytest
 
 from exumob.coupling.explicit import Explicit
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
+from exumob.coupling.semi_implicit import SemiImplicit
+from exumob.coupling.strong import Strong
 from exumob.driving.maneuver import ConstantSteer, Recorded, lane_change
 from exumob.driving.path_following import PathFollowing
 from exumob.ground.soil import Soil
@@ -118,7 +120,7 @@ def test_dry_ground_rests_on_soil_and_steps():
 
 
 def test_flow_in_the_loop_says_how_well_it_repeats():
-    found = trust_of(replace(RUN, hydrodynamics=CfdHydrodynamics(cell_size=0.018)))
+    found = trust_of(LOOP)
     assert (found.model, found.status) == ("flow in the loop", "measured")
     assert f"D60/U1 ended within {100 * measured_errors()['flow']['end']:.2g} % of the path" in found.line
     assert "no vehicle was measured in water" in found.line
@@ -129,6 +131,7 @@ def test_flow_in_the_loop_says_how_well_it_repeats():
 
 # -- beyond ------------------------------------------------------------------------------------------------------------
 
+OTHER_LOADS = "held" if Explicit().within_step == "linear" else "linear"
 FINE_HULL = replace(CAR, hull=replace(CAR.hull, mass=60.0))
 
 
@@ -148,6 +151,14 @@ FINE_HULL = replace(CAR, hull=replace(CAR.hull, mass=60.0))
         ({"maneuver": PathFollowing()}, "maneuver PathFollowing (lane change, straight ahead)"),
         ({"maneuver": Recorded([0, 1, 2, 3], np.zeros(4), [0, 1, 2, 3])}, "maneuver Recorded"),
         ({"initial_speed": 1.0}, "initial speed 1 m/s (0 m/s)"),
+        ({"terrain": Terrain.slope(math.radians(20.0))}, "terrain not flat (flat)"),
+        ({"maneuver": replace(lane_change(), start_speed=10.0)}, "wheel speed at the start 10 rad/s (0 rad/s)"),
+        ({"maneuver": replace(lane_change(), ramp_time=0.2)}, "ramp time 0.2 s (1 s)"),
+        ({"maneuver": ConstantSteer(ramp_time=7.0)}, "ramp time 7 s (1 s)"),
+        ({"vehicle": replace(CAR, rear_suspension=replace(CAR.suspension, stiffness=9e3))},
+         "rear_suspension of its own (none)"),
+        ({"coupling": Strong()}, "coupling Strong (Explicit)"),
+        ({"coupling": Explicit(within_step=OTHER_LOADS)}, f"loads within a step {OTHER_LOADS} ("),
         ({"steps": replace(RUN.steps, duration=20.0)}, "duration 20 s (8 s)"),
         ({"steps": replace(RUN.steps, duration=0.2)}, "duration 0.2 s (8 s)"),
         ({"steps": replace(RUN.steps, macro_step=0.05)}, "macro step 50 ms (20 ms)"),
@@ -162,6 +173,34 @@ def test_what_lies_beyond_is_named_with_what_was_measured(change, text):
     assert len(found.departures) == 1
     assert text in str(found.departures[0])
     assert f"beyond what was measured: {found.departures[0]}. The error here is not known" in found.line
+
+
+LOOP = replace(
+    RUN, hydrodynamics=CfdHydrodynamics(cell_size=0.018), coupling=SemiImplicit(),
+    steps=replace(RUN.steps, micro_step=5e-4, macro_step=2e-3),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"water": Water.at_ratio(0.4, 1.0)}, "depth ratio 0.4 (0.6)"),
+        ({"water": Water.at_ratio(0.6, 0.0)}, "current 0 m/s (1 m/s)"),
+        ({"maneuver": lane_change(math.radians(15.0))}, "steering 15 deg (30 deg)"),
+        ({"maneuver": ConstantSteer()}, "maneuver straight ahead (lane change)"),
+        ({"coupling": Explicit()}, "coupling Explicit (SemiImplicit)"),
+        ({"steps": replace(LOOP.steps, macro_step=0.02)}, "macro step 20 ms (2 ms)"),
+    ],
+)  # fmt: skip
+def test_flow_in_the_loop_was_repeated_in_one_run_only(change, text):
+    assert trust_of(LOOP).status == "measured"
+    found = trust_of(replace(LOOP, **change))
+    assert (found.status, [str(d) for d in found.departures]) == ("beyond", [text])
+
+
+def test_a_dry_run_among_wet_ones_is_named():
+    found = trust_of_all([RUN, replace(RUN, water=None)])
+    assert [str(d) for d in found.departures] == ["depth ratio 0 (0.4 to 0.6)"]
 
 
 def test_the_edges_of_what_was_measured_are_within():
