@@ -8,11 +8,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from exumob.flow.grid import HALO
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 
 class ActiveRows(NamedTuple):

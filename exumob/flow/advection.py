@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
 from exumob.flow.active_rows import ActiveRows, WaterCells
 from exumob.flow.area_fractions import AreaFractions
 from exumob.flow.grid import HALO, GridVelocity, Metrics
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 RESOLVED = 0.01
 """Fraction below which spray does not limit the time step [-]; its transport stays bounded by what the cell holds."""

@@ -9,13 +9,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from exumob.flow.grid import Metrics
 from exumob.flow.poses import PlacedSolids, body_velocity
 from exumob.flow.solids import Shape, measure
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 SHARP = 0.5
 """Change of the distance's slopes over a cell (sum over the axes) from which its edge counts as sharp, fully at twice

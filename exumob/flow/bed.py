@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from exumob.flow import water_on_bed
@@ -21,6 +21,7 @@ from exumob.flow.grid import HALO, Grid, Metrics
 from exumob.flow.water_on_bed import RoughBed
 from exumob.ground.terrain import Terrain, terrain_height
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)

@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from exumob.flow.active_rows import ActiveRows
@@ -17,6 +17,7 @@ from exumob.flow.grid import HALO, Grid, GridVelocity, Metrics
 from exumob.flow.settings import FlowSettings
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.kernels import njit
 
 ALONG_THE_SIDE = 0.01
 """Least share of a side's rates that acts along it [-]: a perfectly matched layer has none, but then steady currents

@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from exumob.flow.active_rows import WaterCells
@@ -16,6 +15,7 @@ from exumob.flow.grid import HALO, Metrics
 from exumob.flow.poses import PlacedSolids, body_velocity, cells_near, surface_velocity
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.kernels import njit
 
 SMALLEST_BAND = 1.5
 """Least thickness of the ring over which the drag of lugs is spread [cells]."""

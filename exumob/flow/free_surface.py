@@ -13,12 +13,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from exumob.flow.active_rows import ActiveRows
 from exumob.flow.grid import HALO, Metrics
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 Single = NDArray[np.float32]
 SHARPNESS = 3.5

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from exumob.flow.grid import HALO
 from exumob.support.arrays import Array, checked_array
+from exumob.support.kernels import njit
 from exumob.vehicle.motion import BodyStates
 
 SHAPES = {"position": (3,), "rotation": (3, 3), "velocity": (3,), "angular_velocity": (3,), "spin": ()}

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from exumob.flow.grid import CELL_SIZE
 from exumob.flow.tread import Tread
 from exumob.support.arrays import Array
 from exumob.support.cost import require_memory
 from exumob.support.declared import Declared, checked
+from exumob.support.kernels import njit
 from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Hull, Vehicle
 from exumob.water.mesh_file import sound_triangles

@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from exumob.flow.area_fractions import AreaFractions, distance_gradient
 from exumob.flow.grid import HALO, GridVelocity, Metrics
 from exumob.flow.poses import PlacedSolids, body_velocity, cells_near
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 
 @njit(cache=True, error_model="numpy")

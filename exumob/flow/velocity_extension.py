@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from exumob.flow.active_rows import WaterCells
@@ -16,6 +16,7 @@ from exumob.flow.grid import HALO, Metrics
 from exumob.flow.poses import PlacedSolids, body_velocity, cells_near
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.kernels import njit
 
 TRUSTED = 0.5
 """Faces at least this open keep their own velocity and give it to their neighbours [-]."""

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from exumob.flow.active_rows import WaterCells
@@ -15,6 +15,7 @@ from exumob.flow.area_fractions import AreaFractions
 from exumob.flow.grid import HALO, Metrics
 from exumob.flow.turbulence.wall import friction_velocity
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 DEEP = 2
 """Cells below the bed from which the velocity is 0: no flow sees it."""

@@ -49,9 +49,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 NODES = 16
 """Gauss-Legendre nodes in each of the two regions of Eq. (3)."""

@@ -24,13 +24,13 @@ from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from exumob.support.arrays import Array
 from exumob.support.checks import require_finite
 from exumob.support.cost import require_memory
 from exumob.support.declared import Declared, checked
+from exumob.support.kernels import njit
 from exumob.support.quantities import DIRECTION, Quantity
 
 TERRAIN_RECORD = np.dtype(

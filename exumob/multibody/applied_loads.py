@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from exumob.ground.soil import SOIL_RECORD, Soil
 from exumob.ground.terrain import TERRAIN_RECORD, Terrain
@@ -18,6 +17,7 @@ from exumob.multibody.rigid_body import angular_velocity, cross, dot, generalize
 from exumob.multibody.soil_contact import WHEEL_CONTACT, soil_on_wheel
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.kernels import njit
 from exumob.vehicle.parameters import Vehicle
 
 LOAD_PARAMETERS = np.dtype(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 WORK_KINDS = ("soil", "damper", "water", "spin", "steering", "settling", "point forces")
 """Kinds of loads that do work on the vehicle, in the order of the arrays of `ENERGY_ACCOUNT`."""

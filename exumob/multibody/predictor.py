@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 INSTANTS = 3
 """Number of instants that are remembered: a parabola through them."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from exumob.multibody.rigid_body import angular_velocity, cross, rotation_matrix
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from exumob.multibody.applied_loads import LOADS
 from exumob.multibody.energy_account import ENERGY_ACCOUNT
 from exumob.multibody.rigid_body import angular_velocity, rotation_matrix
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 from exumob.vehicle.motion import HISTORY_STEP, BodyStates
 
 HISTORY = np.dtype(

@@ -6,9 +6,8 @@ the scalar first. Its rate holds the seven time derivatives.
 
 from __future__ import annotations
 
-from numba import njit
-
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 
 @njit(cache=True, error_model="numpy", inline="always")

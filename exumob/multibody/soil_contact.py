@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from exumob.ground.contact_patch import PATCH_FORCES, WheelMotion, WheelSize, wheel_soil_kernel
 from exumob.ground.terrain import terrain_height
 from exumob.multibody.rigid_body import angular_velocity, cross, dot, generalized_moment, rotation_matrix
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 WHEEL_CONTACT = np.dtype(
     [

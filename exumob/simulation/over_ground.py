@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numba import njit
 from numpy.typing import NDArray
 
 from exumob.ground.terrain import Terrain, terrain_height
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 from exumob.vehicle.motion import BODIES, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.wetted_surface import Integers, hull_triangles

@@ -12,10 +12,10 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 from exumob.vehicle.motion import HISTORY_STEP, BodyStates
 from exumob.water.conditions import Water
 from exumob.water.flow_states import (

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numba import njit
 
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
+from exumob.support.kernels import njit
 from exumob.surrogates.inputs import SAMPLING, network_inputs, window_rows
 from exumob.surrogates.network_kernels import mean_and_spread
 from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, NetworkSet

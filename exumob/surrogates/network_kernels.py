@@ -13,10 +13,10 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 Single = NDArray[np.float32]
 

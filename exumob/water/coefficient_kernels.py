@@ -6,10 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.kernels import njit
 from exumob.water.hydrostatics import WET_INTEGRALS, wet_integrals
 from exumob.water.wetted_surface import Integers
 

@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 from exumob.vehicle.motion import BodyStates
 from exumob.water.conditions import Water
 

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.support.declared import checked
+from exumob.support.kernels import njit
 from exumob.support.quantities import Quantity
 from exumob.vehicle.motion import BodyStates
 from exumob.water.conditions import Water

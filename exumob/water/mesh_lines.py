@@ -11,10 +11,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 
 class Lines(NamedTuple):

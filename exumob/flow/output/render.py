@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared
+from exumob.support.kernels import njit
 from exumob.support.quantities import Quantity
 
 PLACE = Quantity("m", at_least=-1e6, at_most=1e6)

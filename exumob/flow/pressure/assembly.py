@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from exumob.flow.active_rows import ActiveRows, WaterCells, WetCells
@@ -22,6 +22,7 @@ from exumob.flow.pressure.conjugate_gradients import Outcome, solve
 from exumob.flow.pressure.levels import Level, Levels, U, clear_row
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
+from exumob.support.kernels import njit
 
 __all__ = ["FULL", "Conditions", "Levels", "Outcome", "assemble", "project", "solve"]
 

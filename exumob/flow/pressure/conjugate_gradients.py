@@ -10,12 +10,13 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
 from exumob.flow.grid import HALO, Metrics
 from exumob.flow.pressure.levels import ZERO, Level, Levels, Store, U, Vectors, beside, level_of
 from exumob.flow.pressure.multigrid import cycle, prepare, residual_at
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -14,11 +14,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from exumob.flow.grid import HALO, Metrics
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 Single = NDArray[np.float32]
 COARSEST = 4

@@ -11,11 +11,12 @@ of threads, one after the other: hence two short loops round each.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
 from exumob.flow.grid import HALO
 from exumob.flow.pressure.levels import ZERO, Level, Single, Store, U, beside, clear_row, level_of
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 COARSEST_SWEEPS = 4
 """Relaxations of the coarsest level, forth and back again."""

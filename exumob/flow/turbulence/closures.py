@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
 from exumob.flow.active_rows import WaterCells
 from exumob.flow.area_fractions import AreaFractions
@@ -20,6 +20,7 @@ from exumob.flow.turbulence import komega
 from exumob.flow.turbulence.wall import Walls
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared
+from exumob.support.kernels import njit
 from exumob.support.quantities import Quantity
 
 MOLECULAR_VISCOSITY = 1.0e-6

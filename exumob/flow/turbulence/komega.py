@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
 from exumob.flow.active_rows import ActiveRows, WaterCells
 from exumob.flow.area_fractions import AreaFractions, distance_gradient
@@ -20,6 +20,7 @@ from exumob.flow.grid import HALO, Metrics
 from exumob.flow.poses import PlacedSolids, surface_velocity
 from exumob.flow.turbulence.wall import KARMAN, Walls, friction_velocity
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 A1, BETA_STAR = 0.31, 0.09
 SIGMA_K, SIGMA_OMEGA, BETA, ALPHA = (0.85, 1.0), (0.5, 0.856), (0.075, 0.0828), (5.0 / 9.0, 0.44)

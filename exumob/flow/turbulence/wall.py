@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from exumob.flow.active_rows import WaterCells
@@ -14,6 +14,7 @@ from exumob.flow.area_fractions import AreaFractions
 from exumob.flow.grid import HALO, Metrics
 from exumob.flow.poses import PlacedSolids
 from exumob.support.arrays import Array
+from exumob.support.kernels import njit
 
 KARMAN = 0.41
 """Von Karman's constant [-]."""
