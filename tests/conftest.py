@@ -5,12 +5,9 @@ import os
 import signal
 from pathlib import Path
 
-import numba_cache
-
 ROOT = Path(__file__).parents[1]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small: threads that wait for each other cost more
 if "NUMBA_CACHE_DIR" not in os.environ:  # Numba reads it when imported; processes that tests start inherit it
-    numba_cache.prepare(ROOT / ".numba_cache", ROOT / "exumob")
     os.environ["NUMBA_CACHE_DIR"] = str(ROOT / ".numba_cache")
 
 import pytest
