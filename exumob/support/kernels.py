@@ -83,8 +83,8 @@ def _cache_class() -> Any:
 @functools.cache
 def _say_not_kept() -> None:
     logger.warning(
-        "numba %s keeps compiled kernels in a way that exumob does not know: every process compiles its own, minutes for "
-        "the flow solver; use an older numba, or a newer exumob.",
+        "numba %s keeps compiled kernels in a way that exumob does not know: each process compiles its own (minutes "
+        "for the flow solver); use an older numba, or a newer exumob.",
         numba.__version__,
     )
 
