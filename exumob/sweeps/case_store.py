@@ -11,7 +11,6 @@ import contextlib
 import errno
 import json
 import logging
-import math
 import os
 import pickle
 import re
@@ -25,40 +24,26 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from exumob.simulation.result_files import save_dataset
-from exumob.simulation.summary import FIGURES
 from exumob.support.cost import spelled_size
-from exumob.support.files import atomic_write
-from exumob.support.provenance import package_version, provenance
-from exumob.support.quantities import shown
+from exumob.support.files import write_text
+from exumob.support.provenance import package_version
+from exumob.sweeps.case_rows import FORMAT, case_text, check_names, fault_of_row
+from exumob.sweeps.case_table import clean_text, table_of
 from exumob.sweeps.experiment import Experiment
 from exumob.sweeps.handing_over import WithVehicleFiles
-from exumob.sweeps.identity import differences, digest, file_text, identity, stable_repr
+from exumob.sweeps.identity import differences, digest, identity
 from exumob.sweeps.sampling import ROW_BYTES, Case
 
 logger = logging.getLogger(__name__)
 
-STATUSES = ("completed", "broke down", "refused", "failed", "out of time", "killed")
-"""How a case can end: with a result; with a `SimulationError`; with a ``ValueError`` on its values; with another error;
-stopped at its own time limit; with its process, twice."""
-
 Function = Callable[[Case], xr.Dataset | Mapping[str, float | str]]
 """Takes the values of a case by name; returns a Dataset of `exumob.simulate` or numbers by name."""
 
-FORMAT = 2
-"""Number of the layout of a sweep's files."""
 STEP_BYTES = 3600
 """Room on the disk for an instant of a kept run."""
-OWN_NAMES = ("case", "status", "reason", "case_wall_time")
-"""Names in the result of a sweep that are neither parameters nor results."""
-OWN_VARIABLES = {
-    "status": ("1", "how the case ended"),
-    "reason": ("1", "why it was not completed"),
-    "case_wall_time": ("s", "time of computing the case"),
-}
 
 
 class StorageError(OSError):
@@ -330,7 +315,7 @@ class CaseStore(WithVehicleFiles):
         """
         row = {
             "format": FORMAT, "exumob": package_version(), "function": self._values, "code": self._code,
-            "parameters": json.loads(case_text(self.cases[number])), "status": status, "reason": _clean(reason),
+            "parameters": json.loads(case_text(self.cases[number])), "status": status, "reason": clean_text(reason),
             "wall_time": wall, "run": run,
             "values": {name: value if isinstance(value, str) else float(value) for name, value in values.items()},
         }  # fmt: skip
@@ -364,7 +349,7 @@ class CaseStore(WithVehicleFiles):
             raise ValueError(f"{file} cannot be read ({error.strerror}); mend that, or remove the file.") from None
         except (ValueError, RecursionError) as error:
             raise _Torn(f"{file} was not written to its end ({error})") from None
-        wrong = _fault_of_row(row)
+        wrong = fault_of_row(row)
         if wrong:
             raise ValueError(
                 f"{file} is not how a case ended ({wrong}); remove it, and the same call runs the case again."
@@ -440,7 +425,7 @@ class CaseStore(WithVehicleFiles):
             os.close(lock)
 
     def gather(self) -> xr.Dataset:
-        """Gather all rows as one Dataset along ``case``; every variable has ``units`` and ``long_name``.
+        """Gather all rows as one Dataset along ``case``, see `exumob.sweeps.case_table.table_of`.
 
         Raises
         ------
@@ -451,28 +436,7 @@ class CaseStore(WithVehicleFiles):
             rows = [self.read(number) for number in range(len(self.cases))]
         except _Torn as torn:
             raise ValueError(f"{torn}; the same call runs the case again.") from None
-        names = sorted({name for row in rows for name in row["values"]})
-        known = _known_variables(self.function, self.cases[0], any(row["run"] for row in rows))
-        found = {
-            name: ("case", _results([row["values"].get(name) for row in rows]), _attributes(name, known))
-            for name in names
-        } | {
-            name: ("case", [row[key] for row in rows], _attributes(name, OWN_VARIABLES))
-            for name, key in (("status", "status"), ("reason", "reason"), ("case_wall_time", "wall_time"))
-        }  # fmt: skip
-        parameters = {
-            name: ("case", _column([case[name] for case in self.cases]), _attributes(name, known))
-            for name in self.names
-        }  # fmt: skip
-        others = sum(row["code"] != self._code for row in rows)
-        return xr.Dataset(
-            found,
-            coords={"case": ("case", np.arange(len(rows)), {"units": "1", "long_name": "number of the case"})}
-            | parameters,
-            attrs=provenance()
-            | {"title": "exumob sweep", "parameters": " ".join(self.names)}
-            | ({"cases_of_other_code": others} if others else {}),
-        )
+        return table_of(rows, self.cases, self.function, self._code)
 
     def save(self, result: xr.Dataset) -> Path:
         """Write the gathered rows to ``sweep.nc``.
@@ -499,78 +463,9 @@ def room_needed(function: Any, number: int, keep_runs: bool) -> float:
     return number * each
 
 
-def case_text(case: Case) -> str:
-    """Values of a case as JSON, files with a digest of their contents."""
-    try:
-        return json.dumps(case, default=_plain_value)
-    except (ValueError, TypeError, RecursionError) as error:
-        raise ValueError(f"sweep.cases: {shown(case)} cannot be kept ({error}); give numbers or texts.") from None
-
-
-def write_text(file: Path, text: str) -> None:
-    """Write a text file whole or not at all."""
-    with atomic_write(file) as temporary:
-        temporary.write_text(text, "utf-8")
-
-
 def number_of(name: str) -> int | None:
     """Number of the case whose file has this name; None for any other file."""
     return int(name[:-5]) if re.fullmatch(r"(0|[1-9][0-9]{0,17})\.json", name, re.ASCII) else None
-
-
-def fault_of_result(values: Any, parameters: Sequence[str]) -> str:
-    """Say what is wrong with that which a function has returned for a case; empty if nothing is."""
-    if not isinstance(values, Mapping):
-        return f"it returned {type(values).__name__}; return a Dataset of simulate, or numbers by name"
-    for name, value in values.items():
-        if not isinstance(name, str) or not name or re.search(r"[/\0]", name):
-            return f"the result {name!r} has no proper name; use a text without '/'"
-        if name in OWN_NAMES or name in parameters:
-            return f"the result {name!r} has a name that is taken by a parameter or a column; rename it"
-        if not isinstance(value, str) and not _is_number(value):
-            return f"the result {name} = {value!r:.80} is not a number; return one number for each name"
-    return ""
-
-
-def check_names(cases: Sequence[Case]) -> None:
-    """Raise ValueError unless cases are dicts with the same proper names."""
-    if isinstance(cases, Mapping) or not isinstance(cases, Sequence) or isinstance(cases, str):
-        raise ValueError(
-            f"sweep.cases is a {type(cases).__name__}; give a list of dicts, such as [{{'hull.mass': 49.0}}], or make "
-            "it with grid or sample."
-        )
-    if not cases:
-        raise ValueError("sweep.cases is empty; give one case at least.")
-    for n, case in enumerate(cases):
-        if not isinstance(case, dict):
-            raise ValueError(f"sweep.cases: case {n} is {case!r:.80}; give a dict of values by name.")
-        if list(case) != list(cases[0]):
-            raise ValueError(f"sweep.cases: case {n} has the names {list(case)}, the first one {list(cases[0])}.")
-    for name in cases[0]:
-        if not isinstance(name, str) or not name or re.search(r"[/\s\0]", name) or name in OWN_NAMES:
-            raise ValueError(
-                f"sweep.cases: {name!r} cannot be the name of a parameter; use a text without '/' and blanks, other "
-                f"than {', '.join(OWN_NAMES)}."
-            )
-
-
-def _fault_of_row(row: Any) -> str:
-    """Say what is wrong with the content of a case's file; empty if nothing is."""
-    if not isinstance(row, dict):
-        return f"it holds a {type(row).__name__}"
-    if row.get("format") != FORMAT:
-        return "it is in the layout of another version of exumob, or not of exumob at all"
-    kinds: dict[str, Any] = {
-        "exumob": str, "function": str, "code": str, "parameters": dict, "status": str, "reason": str,
-        "wall_time": int | float, "run": bool, "values": dict, "check": str,
-    }  # fmt: skip
-    for name, kind in kinds.items():
-        if not isinstance(row.get(name), kind):
-            return f"{name} is {row[name]!r:.60}" if name in row else f"{name} is missing"
-    if row["status"] not in STATUSES:
-        return f"status is {row['status']!r}"
-    bad = [name for name, value in row["values"].items() if not isinstance(value, str) and not _is_number(value)]
-    return f"the value of {bad[0]} is {row['values'][bad[0]]!r:.60}" if bad else ""
 
 
 def _mark(file: Path) -> dict[str, Any] | None:
@@ -594,56 +489,3 @@ def storage_remedy(error: OSError) -> str:
     if error.errno in (errno.EEXIST, errno.ENOTDIR):
         return "a file is in the place of the folder; give another folder"
     return "look after the disk, or give another folder"
-
-
-def _is_number(value: Any) -> bool:
-    if isinstance(value, str | bytes) or value is None:
-        return False
-    try:
-        float(value)
-    except (TypeError, ValueError, OverflowError):
-        return False
-    return True
-
-
-def _clean(text: str) -> str:
-    """Text as netCDF can hold it."""
-    return text.replace("\0", "?").encode("utf-8", "replace").decode("utf-8")
-
-
-def _plain_value(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
-    return file_text(value) if isinstance(value, Path) else stable_repr(value)
-
-
-def _known_variables(function: Any, case: Case, runs: bool) -> dict[str, tuple[str, str]]:
-    """Unit and meaning by name: of key figures of runs, of the parameters of an `Experiment`, of what is stated."""
-    known = dict(FIGURES) if runs else {}
-    experiment = function if isinstance(function, Experiment) else getattr(function, "experiment", None)
-    if isinstance(experiment, Experiment):
-        known |= {name: experiment.meaning(name, case) for name in case}
-    stated = getattr(function, "variables", None)
-    if isinstance(stated, Mapping):
-        known |= {str(name): (str(unit), str(meaning)) for name, (unit, meaning) in stated.items()}
-    return known
-
-
-def _attributes(name: str, known: Mapping[str, tuple[str, str]]) -> dict[str, str]:
-    units, meaning = known.get(name, ("unknown", name))
-    return {"units": units, "long_name": meaning}
-
-
-def _results(values: list[Any]) -> np.ndarray:
-    """Column of results; nan, or an empty text, where a case has none."""
-    if any(isinstance(value, str) for value in values):
-        return np.array(["" if value is None else _clean(str(value)) for value in values])
-    return np.array([math.nan if value is None else value for value in values], float)
-
-
-def _column(values: list[Any]) -> np.ndarray:
-    if all(isinstance(value, bool | int | float | np.generic) for value in values):
-        found = np.array(values)
-        if found.dtype.kind in "bifu":
-            return found
-    return np.array([_clean(str(value)) for value in values])

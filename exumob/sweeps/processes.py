@@ -1,6 +1,6 @@
 """The processes of a sweep: a case in its process, a pool under watch, ranks of MPI.
 
-A case ends as one of `exumob.sweeps.case_store.STATUSES`. A process that dies, or hangs beyond its time limit, is
+A case ends as one of `exumob.sweeps.case_rows.STATUSES`. A process that dies, or hangs beyond its time limit, is
 noticed from outside: the pool is killed and a new one begins with the cases that are left. A case that was under way in
 another process of that pool then starts again.
 """
@@ -25,7 +25,8 @@ from exumob.simulation.summary import summary
 from exumob.simulation.verdict import verdict_of_error
 from exumob.support.errors import SimulationError
 from exumob.support.processes import end_with_parent, lives
-from exumob.sweeps.case_store import CaseStore, StorageError, fault_of_result
+from exumob.sweeps.case_rows import fault_of_result
+from exumob.sweeps.case_store import CaseStore, StorageError
 
 GRACE = 10.0
 """Time that a case may take beyond its time limit until its process is killed [s]."""

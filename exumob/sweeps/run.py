@@ -25,7 +25,8 @@ from exumob.simulation.settings import setting_named
 from exumob.support.cost import cores, expected_time, require_memory, spelled_size
 from exumob.support.declared import checked
 from exumob.support.quantities import Quantity
-from exumob.sweeps.case_store import STATUSES, CaseStore, Function, check_names, room_needed
+from exumob.sweeps.case_rows import STATUSES, check_names
+from exumob.sweeps.case_store import CaseStore, Function, room_needed
 from exumob.sweeps.experiment import STEPS, Experiment
 from exumob.sweeps.processes import run_in_processes, run_with_mpi
 from exumob.sweeps.sampling import Case

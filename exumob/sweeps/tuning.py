@@ -25,10 +25,12 @@ import xarray as xr
 from exumob.simulation.result_files import save_dataset
 from exumob.support.declared import Declared, checked
 from exumob.support.errors import SimulationError
+from exumob.support.files import write_text
 from exumob.support.processes import end_with_parent
 from exumob.support.provenance import package_version, parameters_json, provenance
 from exumob.support.quantities import Quantity, shown
-from exumob.sweeps.case_store import StorageError, case_text, storage_remedy, write_text
+from exumob.sweeps.case_rows import case_text
+from exumob.sweeps.case_store import StorageError, storage_remedy
 from exumob.sweeps.experiment import Experiment
 from exumob.sweeps.handing_over import WithVehicleFiles
 from exumob.sweeps.identity import differences, digest, identity

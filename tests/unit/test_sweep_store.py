@@ -17,7 +17,8 @@ import xarray as xr
 
 from exumob.driving.maneuver import Recorded
 from exumob.sweeps import case_store, sweep
-from exumob.sweeps.case_store import CaseStore, StorageError, fault_of_result
+from exumob.sweeps.case_rows import case_text, fault_of_result
+from exumob.sweeps.case_store import CaseStore, StorageError
 from exumob.sweeps.experiment import amphibious_lane_change
 from exumob.sweeps.identity import digest, identity
 from exumob.sweeps.run import _check_cases
@@ -258,11 +259,11 @@ def test_mesh_of_a_hull_belongs_to_an_experiment(tmp_path):
     shaped = replace(base, vehicle=replace(base.vehicle, hull=replace(base.vehicle.hull, mesh=mesh)))
     first, text = (
         identity(shaped).values["vehicle.hull.mesh"],
-        case_store.case_text(base.typed({"hull.mesh": str(mesh)})),
+        case_text(base.typed({"hull.mesh": str(mesh)})),
     )
     mesh.write_text("another")
     assert identity(shaped).values["vehicle.hull.mesh"] != first
-    assert case_store.case_text(base.typed({"hull.mesh": str(mesh)})) != text
+    assert case_text(base.typed({"hull.mesh": str(mesh)})) != text
 
 
 # -- rows --------------------------------------------------------------------------------------------------------------
