@@ -2,7 +2,8 @@
 
 The lane change in D60/U1 with the coefficient model on LETE sand, both vehicles, one process: CPU times, the smallest
 of three. Settling and driving apart; then, for the driving, the time of a step, what of it is ours, the iterations of
-Newton and the Jacobians. Ratios are to `past.toml`; they hold for the machine named there.
+Newton and the Jacobians. Ratios are to `past.toml`; they hold for the machine named there. Last the floor: a step of
+1 ms of the vehicle at rest with frozen loads, one iteration and none of our functions.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
 import time
 from typing import Any
 
+import numpy as np
 import past
 
-from exumob import CoefficientHydrodynamics, Soil, Vehicle, Water, simulate
+from exumob import CoefficientHydrodynamics, ConstantSteer, Soil, Terrain, Vehicle, Water, simulate
 from exumob.multibody.system import MultibodyVehicle
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
@@ -72,6 +74,26 @@ def run(vehicle: Vehicle, micro_step: float, macro_step: float, clock: Clock) ->
     }  # fmt: skip
 
 
+def floor() -> float:
+    """Return what Exudyn takes for a step with one iteration and no function of ours [us], the least of five."""
+    dry = np.zeros((5, 6))
+    model = MultibodyVehicle(
+        amphibious_vehicle(), Soil.published("LETE sand"), ConstantSteer(speed=0.0), Terrain(), 1e-3, 10.0
+    )
+    model.settle(lambda states: dry)
+    model._settings.timeIntegration.newton.absoluteTolerance = 1e3  # met by the first iteration
+    model._go_on_from(model.save(histories=False), model._settings)
+    for choose in ("PreNewtonResidual", "PostStep", "SystemJacobian"):
+        getattr(model.mbs, f"Set{choose}UserFunction")(0)
+    times = []
+    for _ in range(5):
+        began, steps = time.perf_counter(), model._solver.it.newtonStepsCount
+        model._solve(model._settings, model.time + 1.0)
+        times.append(1e6 * (time.perf_counter() - began) / 1000)
+        assert model._solver.it.newtonStepsCount - steps == 1000
+    return min(times)
+
+
 def main() -> None:
     """Print one row a vehicle and pair of steps."""
     clock = Clock()
@@ -91,6 +113,7 @@ def main() -> None:
                 f"{best['step']:.0f}", f"{best['ours']:.0f}", f"{best['newton']:.2f}", f"{best['jacobians']:.3f}",
             )  # fmt: skip
             print(f"| {vehicle.name}, {name} | " + " | ".join(figures) + " |", flush=True)
+    print(f"\nfloor: {floor():.0f} us a step")
 
 
 if __name__ == "__main__":

@@ -13,19 +13,19 @@ import numpy as np
 import xarray as xr
 
 from exumob import CoefficientHydrodynamics, Soil, Vehicle, Water, simulate
-from exumob.multibody import system
+from exumob.multibody import settling, system
 from exumob.multibody.solver_settings import TOLERANCE
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
 
-TIGHT = 0.2 * TOLERANCE
+TIGHT = 0.05 * TOLERANCE
 TOLERANCES = (50.0 * TOLERANCE, 5.0 * TOLERANCE, TOLERANCE)
 REPEATS = 2
 
 
 def run(vehicle: Vehicle, tolerance: float, duration: float) -> tuple[xr.Dataset, float]:
     """Run the lane change with another tolerance; return the result and the CPU time [s]."""
-    system.TOLERANCE = tolerance
+    system.TOLERANCE = settling.TOLERANCE = tolerance
     water = Water.at_ratio(0.6, 1.0, tyre_diameter=vehicle.wheel.diameter)
     begin = time.process_time()
     result = simulate(vehicle, Soil.published("LETE sand"), water, None, CoefficientHydrodynamics(), duration=duration)

@@ -49,7 +49,7 @@ LOAD_PARAMETERS = np.dtype(
 
 LOADS = np.dtype(
     [
-        ("water_wrench", "f8", (5, 6)),  # input: on the five bodies, body axes [N, N m], held over a macro step
+        ("water_wrench", "f8", (5, 6)),  # input: on the five bodies, body axes [N, N m]
         ("point_wrench", "f8", (5, 6)),  # input: of the user's forces, world axes, about each body's origin [N, N m]
         ("hull_force", "f8", (3,)),  # all in world axes [N], [N m]
         ("hull_torque", "f8", (3,)),
@@ -160,9 +160,9 @@ def vehicle_loads(
     motion = _motion(coordinates, velocities, reference)
     contact = np.empty(1, WHEEL_CONTACT)
     _start_sums(p, motion, out)
-    _water_on_hull(p, motion, out)
+    _loads_on_hull(p, motion, out)
     for i in range(4):
-        _water_on_wheel(p, motion, i, out)
+        _loads_on_wheel(p, motion, i, out)
         _suspension(p, motion, i, out)
         _soil(p, heights, motion, i, contact, out)
     _generalize(motion, out, generalized)
@@ -170,6 +170,7 @@ def vehicle_loads(
 
 @njit(cache=True, error_model="numpy")
 def _generalize(motion: BodyMotion, out: Any, generalized: Array) -> None:
+    """Write the loads as generalised forces: Q = F for positions, 2 G^T(e) T for Euler parameters."""
     for k in range(3):
         generalized[k] = out.hull_force[k]
     generalized_moment(motion.node[0], out.hull_torque, generalized[3:7])
@@ -217,8 +218,8 @@ def _start_sums(p: Any, motion: BodyMotion, out: Any) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _water_on_hull(p: Any, motion: BodyMotion, out: Any) -> None:
-    """Water on the hull, and the damping of its motion while the vehicle settles."""
+def _loads_on_hull(p: Any, motion: BodyMotion, out: Any) -> None:
+    """Water and the user's forces on the hull, and the damping of its motion while the vehicle settles."""
     rotation, turning, rate = motion.rotation[0], motion.angular_velocity[0], motion.rate[0]
     for k in range(3):
         f = 0.0
@@ -260,8 +261,8 @@ def _hold(p: Any, motion: BodyMotion, out: Any) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _water_on_wheel(p: Any, motion: BodyMotion, i: int, out: Any) -> None:
-    """Water on wheel i and its upright, and the damping of their motion while the vehicle settles."""
+def _loads_on_wheel(p: Any, motion: BodyMotion, i: int, out: Any) -> None:
+    """Water and the user's forces on wheel i and its upright, and the damping of their motion while settling."""
     rotation, turning, rate = motion.rotation[1 + i], motion.angular_velocity[1 + i], motion.rate[1 + i]
     for k in range(3):
         f = 0.0

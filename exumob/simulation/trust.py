@@ -258,7 +258,7 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     if taught:
         ends = [abs(row[name]["speed" if straight else "end"]) for row in taught]
         worst_seen = f"{max(ends):.2g} m/s" if straight else _percent(max(ends))
-        seen = f"; {len(taught)} that they had, {_ranges(taught)}: at worst {worst_seen}"
+        seen = f"; {len(taught)} that they had seen, {_ranges(taught)}: at worst {worst_seen}"
     error = f"{amount} the flow in the loop{side}{near} ({on}; {which}, {table['soil']}, {_ranges(rows)}{seen})."
     if same:
         return Trust(name, "measured", error, soil, (), mean, worst, nearest=near)

@@ -45,19 +45,27 @@ def test_a_steady_lift_takes_weight_off_the_wheels(body, vehicle, sand):
         assert relief.argmax() == 2
 
 
-@pytest.mark.parametrize("user_loads", [False, True])
-def test_a_rope_acts_alike_on_both_paths(user_loads, vehicle, sand):
-    model = MultibodyVehicle(
-        vehicle, sand, STILL, Terrain(), 1e-3, 0.5, user_loads=user_loads, forces=[PointForce(pull, (0.5, 0.1, 0.2))]
-    )
+def towed(vehicle, sand, forces, user_loads=False):
+    model = MultibodyVehicle(vehicle, sand, STILL, Terrain(), 1e-3, 0.5, user_loads=user_loads, forces=forces)
     model.settle(lambda states: np.zeros((5, 6)))
     model.advance(0.5, np.zeros((5, 6)))
-    position, rotation = model.present().position[0, 0], model.present().rotation[0, 0]
-    arm = rotation @ (np.array([0.5, 0.1, 0.2]) - vehicle.hull_origin)
-    velocity = model.present().velocity[0, 0] + np.cross(model.present().angular_velocity[0, 0], arm)
-    wrench = model.loads[0]["point_wrench"][0]
-    assert wrench[:3] == pytest.approx(pull(0.5, position + arm, velocity), abs=1e-6)
-    assert wrench[3:] == pytest.approx(np.cross(arm, wrench[:3]), abs=1e-6)
+    return model
+
+
+def test_a_rope_acts_alike_on_both_paths(vehicle, sand):
+    """Each carries the rope's force at its point, leans on it by the same, and neither is a run without it."""
+    rope = [PointForce(pull, (0.5, 0.1, 0.2))]
+    bare = towed(vehicle, sand, ()).present().position
+    both = [towed(vehicle, sand, rope, user_loads) for user_loads in (False, True)]
+    for model in both:
+        position, rotation = model.present().position[0, 0], model.present().rotation[0, 0]
+        arm = rotation @ (np.array([0.5, 0.1, 0.2]) - vehicle.hull_origin)
+        velocity = model.present().velocity[0, 0] + np.cross(model.present().angular_velocity[0, 0], arm)
+        wrench = model.loads[0]["point_wrench"][0]
+        assert wrench[:3] == pytest.approx(pull(0.5, position + arm, velocity), abs=1e-6)
+        assert wrench[3:] == pytest.approx(np.cross(arm, wrench[:3]), abs=1e-6)
+        assert np.abs(model.present().position - bare).max() > 1e-4
+    assert np.abs(both[0].present().position - both[1].present().position).max() < 1e-8
 
 
 def test_work_of_a_tow_is_accounted(vehicle, sand):

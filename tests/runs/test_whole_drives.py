@@ -8,7 +8,7 @@ import pytest
 
 from exumob.driving.maneuver import ConstantSteer, LaneChange
 from exumob.driving.path_following import PathFollowing, lane_shift
-from exumob.multibody import system
+from exumob.multibody import settling, system
 from exumob.paper.scenarios import Scenario
 from exumob.simulation.run import simulate
 from exumob.surrogates.model import SurrogateHydrodynamics
@@ -58,7 +58,8 @@ def test_the_default_tolerance_is_converged(name, sand, monkeypatch):
     usual = system.TOLERANCE
 
     def run(factor):
-        monkeypatch.setattr(system, "TOLERANCE", factor * usual)
+        for module in (system, settling):
+            monkeypatch.setattr(module, "TOLERANCE", factor * usual)
         return simulate(vehicle, sand, water, LaneChange(), CoefficientHydrodynamics(), duration=0.6)
 
     def apart(a, b):

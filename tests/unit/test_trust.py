@@ -62,11 +62,13 @@ def test_networks_on_a_run_like_those_measured():
 def test_both_sets_of_runs_are_named_with_their_ranges():
     """What counts as measured, and what the error was found on: no water lies within one and outside both of them."""
     line = trust_of(RUN, 0.0, 0.0).line
-    assert "depth ratio 0.5 to 0.6, current 0.5 to 1 m/s from ahead; 9 that they had, depth ratio 0.4 to 0.6" in line
+    assert (
+        "depth ratio 0.5 to 0.6, current 0.5 to 1 m/s from ahead; 9 that they had seen, depth ratio 0.4 to 0.6" in line
+    )
     for water in (Water.at_ratio(0.6), Water.at_ratio(0.42, 0.25)):
         found = trust_of(replace(RUN, water=water), 0.0, 0.0)
         assert found.status == "measured"
-        assert "9 that they had, depth ratio 0.4 to 0.6, current 0 to 1 m/s from ahead: at worst" in found.line
+        assert "9 that they had seen, depth ratio 0.4 to 0.6, current 0 to 1 m/s from ahead: at worst" in found.line
 
 
 DRY = replace(RUN, water=None, hydrodynamics=NoWater())
