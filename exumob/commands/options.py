@@ -140,7 +140,7 @@ Figure = Annotated[Path | None, option(RUN, "Draw the result here (.png, .pdf, .
 Animation = Annotated[Path | None, option(OUTPUT, "Animate the run here (.gif or .mp4).")]
 SettingOption = Annotated[
     SettingName,
-    option(EXPERT, "Steps by name. fast ends within 0.2 % of fine, which takes about seven times as long."),
+    option(EXPERT, "Steps by name. fast ends within 0.2 % of fine, which takes about eight times as long."),
 ]
 MicroStep = Annotated[float | None, option(EXPERT, "Step of the multibody solver. Default: by the setting.", of=STEP)]
 MacroStep = Annotated[

@@ -6,6 +6,8 @@ the scalar first. Its rate holds the seven time derivatives.
 
 from __future__ import annotations
 
+import numpy as np
+
 from exumob.support.arrays import Array
 from exumob.support.kernels import njit
 
@@ -43,6 +45,40 @@ def generalized_moment(node: Array, moment: Array, q: Array) -> None:
     q[1] = 2.0 * (e0 * moment[0] + e3 * moment[1] - e2 * moment[2])
     q[2] = 2.0 * (-e3 * moment[0] + e0 * moment[1] + e1 * moment[2])
     q[3] = 2.0 * (e2 * moment[0] - e1 * moment[1] + e0 * moment[2])
+
+
+@njit(cache=True, error_model="numpy")
+def point_motion(node: Array, rate: Array, place: Array, arm: Array, position: Array, velocity: Array) -> None:
+    """Compute the motion of a point that is fixed to a body, in world axes.
+
+    Parameters
+    ----------
+    node, rate : array, shape (7,)
+        The body, see the head of this module.
+    place : array, shape (3,)
+        The point from the body's origin, body axes [m].
+    arm, position, velocity : array, shape (3,), changed
+        The point from the body's origin [m], its position [m] and velocity [m/s].
+    """
+    rotation, turning = np.empty((3, 3)), np.empty(3)
+    rotation_matrix(node, rotation)
+    angular_velocity(node, rate, turning)
+    for k in range(3):
+        arm[k] = rotation[k, 0] * place[0] + rotation[k, 1] * place[1] + rotation[k, 2] * place[2]
+    cross(turning, arm, velocity)
+    for k in range(3):
+        position[k] = node[k] + arm[k]
+        velocity[k] += rate[k]
+
+
+@njit(cache=True, error_model="numpy")
+def add_force(force: Array, arm: Array, wrench: Array) -> None:
+    """Add a force [N] that acts at `arm` [m] from a body's origin to its wrench [N, N m], shape (6,)."""
+    moment = np.empty(3)
+    cross(arm, force, moment)
+    for k in range(3):
+        wrench[k] += force[k]
+        wrench[3 + k] += moment[k]
 
 
 @njit(cache=True, error_model="numpy", inline="always")

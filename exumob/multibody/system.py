@@ -26,7 +26,7 @@ from exumob.multibody.placing import standing_pose
 from exumob.multibody.predictor import NewmarkFactors, Predictor
 from exumob.multibody.reactions import constraint_wrenches
 from exumob.multibody.recorder import Recorder, SystemState
-from exumob.multibody.rigid_body import generalized_moment, rotation_matrix
+from exumob.multibody.rigid_body import add_force, generalized_moment, point_motion, rotation_matrix
 from exumob.multibody.settling import SETTLING_MICRO_STEP, Start, relax
 from exumob.multibody.soil_contact import DAMPING_ENTRIES, soil_damping
 from exumob.multibody.solver_settings import LOOSER, SPECTRAL_RADIUS, TOLERANCE, integration_settings
@@ -277,13 +277,11 @@ class MultibodyVehicle:
         """Ask for the user's forces, at their points as they move now."""
         wrenches = self.loads[0]["point_wrench"]
         wrenches[:] = 0.0
-        present = self.present()
-        for force, body, place in self._forces:
-            arm = present.rotation[0, body] @ place
-            velocity = present.velocity[0, body] + np.cross(present.angular_velocity[0, body], arm)
-            given = force.at(time, present.position[0, body] + arm, velocity)
-            wrenches[body, :3] += given
-            wrenches[body, 3:] += np.cross(arm, given)
+        node, rate = (self._q + self._reference).reshape(9, 7), self._v.reshape(9, 7)
+        arm, position, velocity = np.empty(3), np.empty(3), np.empty(3)
+        for force, body, place in self._forces:  # bodies 1 to 4 are the uprights
+            point_motion(node[body], rate[body], place, arm, position, velocity)
+            add_force(force.at(time, position.copy(), velocity.copy()), arm, wrenches[body])
 
     def _before_residual(self, mbs: Any, time: float, newton_iteration: int, discontinuous_iteration: int) -> None:
         if newton_iteration == 0:

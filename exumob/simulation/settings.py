@@ -48,7 +48,7 @@ SETTINGS = {
 """The settings by name; the paper uses both (Sec. 5.3).
 
 Measured by `benchmarks/settings.py`, fast against fine: 0.0 mm on dry ground, 1 to 2 mm in D60 with coefficients,
-2.6 mm (D60/U0) and 5.7 mm (D60/U1, 0.19 % of the path) with the networks; fine takes about seven times as long. With
+2.6 mm (D60/U0) and 5.7 mm (D60/U1, 0.19 % of the path) with the networks; fine takes about eight times as long. With
 the flow solver in the loop, D60/U1 on 18 mm cells ends 2 mm ahead and 10 mm beside the run with macro steps of 1 ms.
 """
 DEFAULT_SETTING = "fast"
