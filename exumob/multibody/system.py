@@ -77,7 +77,7 @@ class MultibodyVehicle:
     standstill_rate : float
         Spin below which the shear displacement is regularised [rad/s] (see `exumob.ground.terramechanics`).
     user_loads : bool
-        Let each load enter as a user function of Exudyn (paper Sec. 2.2), not all of them as one vector.
+        Let each load enter as a user function of Exudyn, as its users write them, not all of them as one vector.
     forces : sequence of PointForce
         Forces of the user's own.
 
@@ -366,7 +366,7 @@ class MultibodyVehicle:
             return
         newton = settings.timeIntegration.newton
         usual = newton.absoluteTolerance
-        for tolerance in LOOSER:
+        for tolerance in (t for t in LOOSER if t * self._residual_scale > usual):
             newton.absoluteTolerance = tolerance * self._residual_scale
             self._go_on_from(before, settings)
             if not self._solve(settings, end_time):
