@@ -20,6 +20,7 @@ import xarray as xr
 
 from exumob.coupling.flow_code import BuiltInFlow
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
+from exumob.coupling.spin_up import FlowSpinUp
 from exumob.flow import FlowSettings
 from exumob.flow.vehicle_window import doubled_window, vehicle_window
 from exumob.ground.soil import Soil
@@ -57,13 +58,17 @@ class FlowRun:
     """Interval at which vehicle and water exchange motion and loads [s]"""
     duration: float = 8.0
     """Simulated time [s]"""
+    hold: float = FlowSpinUp.hold
+    """Time at rest during the spin-up [s]: runs that differ in it alone are repetitions, with the flow in another phase
+    at the release"""
 
     @property
     def name(self) -> str:
         """Name of the run as part of a file's name: the scenario, and settings other than the default."""
         window = "_doubled" if self.doubled else ""
         step = f"_{1e3 * self.macro_step:g}ms" if self.macro_step != 1e-3 else ""
-        return f"{self.scenario.file_stem}_{1e3 * self.cell_size:g}mm{window}{step}"
+        hold = f"_hold{self.hold:g}s" if self.hold != FlowSpinUp.hold else ""
+        return f"{self.scenario.file_stem}_{1e3 * self.cell_size:g}mm{window}{step}{hold}"
 
     def compute(self, vehicle: Vehicle, work: Path) -> Path:
         """Make the run, or continue it from its checkpoint, unless it is finished already.
@@ -104,9 +109,10 @@ class FlowRun:
             self.cell_size, grid=grid, settings=FlowSettings(threads=1), allow_coarse=True, snapshots=SNAPSHOT_INTERVAL
         )  # fmt: skip
         result = simulate(
-            vehicle, Soil.published(SOIL), water, self.scenario.maneuver(), CfdHydrodynamics(flow, progress=progress),
-            duration=self.duration, setting="fine", macro_step=self.macro_step, record_step=1e-3,
-            checkpoint=work / f"{self.name}.npz", resume=True, progress=progress,
+            vehicle, Soil.published(SOIL), water, self.scenario.maneuver(),
+            CfdHydrodynamics(flow, spin_up=FlowSpinUp(hold=self.hold), progress=progress), duration=self.duration,
+            setting="fine", macro_step=self.macro_step, record_step=1e-3, checkpoint=work / f"{self.name}.npz",
+            resume=True, progress=progress,
         )  # fmt: skip
         return save_dataset(result.assign_attrs(scenario=self.scenario.name), whole)
 
