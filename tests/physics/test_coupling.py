@@ -132,7 +132,7 @@ def test_run_with_steps_that_follow_the_flow_resumes_with_the_same_bits(vehicle,
 def test_macro_steps_that_cannot_follow_are_refused(vehicle, sand):
     with pytest.raises(ValueError, match=r"FollowFlow.*needs a flow solver in the loop.*CoefficientHydrodynamics"):
         simulate(vehicle, sand, WATER, QUICK, "coefficients", macro_step=FollowFlow(unit=1e-3))
-    with pytest.raises(ValueError, match=r"macro_step\.unit = 0\.00025 s must be a whole multiple of micro_step = 0\.0005 s"):
+    with pytest.raises(ValueError, match=r"macro_step\.unit = 0\.00025 s must be a whole multiple of micro_step"):
         run(vehicle, sand, macro_step=FollowFlow())
 
     class NoRecord:
