@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from exumob.support.arrays import Array, checked_array
 from exumob.support.declared import checked
 from exumob.support.quantities import Quantity
+from exumob.vehicle.body import body_faces, is_plain, triangulated, with_shared_corners
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.mesh_file import hull_mesh
 
@@ -118,14 +119,16 @@ def cylinder_surface(
 
 
 def hull_triangles(vehicle: Vehicle) -> Array:
-    """Return the surface of the hull, box or mesh, about its centre of mass: triangles [m], shape (n, 3, 3).
+    """Return the surface of the hull, boxes or mesh, about its centre of mass: triangles [m], shape (n, 3, 3).
+
+    It is closed: neighbouring triangles share their corners to the last bit.
 
     Raises
     ------
     ValueError
         If the hull's mesh cannot be used: see `exumob.water.mesh_file`.
     """
-    return _triangulated(_hull_faces(vehicle))
+    return _triangulated(_hull_faces(vehicle, shared_corners=True))
 
 
 def hull_surface(vehicle: Vehicle) -> Surface:
@@ -148,10 +151,16 @@ def hull_surface(vehicle: Vehicle) -> Surface:
     return Surface(triangles, 2 * strips.astype(np.int64) + (middle[:, 1] > 0.0), 2 * HULL_STRIPS)
 
 
-def _hull_faces(vehicle: Vehicle) -> list[Array]:
-    """Convex faces of the hull about its centre of mass [m]."""
+def _hull_faces(vehicle: Vehicle, shared_corners: bool = False) -> list[Array]:
+    """Convex faces of the hull about its centre of mass [m]; neighbours share all their corners only if asked for."""
     hull = vehicle.hull
-    faces = _prism_faces(hull.side_profile(), hull.width) if hull.mesh is None else list(hull_mesh(vehicle))
+    if hull.mesh is not None:
+        faces = list(hull_mesh(vehicle))
+    elif is_plain(hull):
+        faces = _prism_faces(hull.side_profile(), hull.width)
+    else:
+        faces = list(body_faces(hull, vehicle.axles))
+        faces = with_shared_corners(faces) if shared_corners else faces
     return [face - vehicle.hull_origin for face in faces]
 
 
