@@ -3,8 +3,8 @@
 Published values carry their source. The rules, for what is not, are those of `small_car`: an eighth of the mass is
 unsprung; the centre of mass of what is sprung lies at 0.40 of the height; radii of gyration are 0.40 of the track in
 roll, 0.46 and 0.48 of the wheelbase in pitch and yaw; dampers have 30 % of critical. The body heaves at 1.3 Hz in front
-and 1.5 Hz at the back. Lengths without a source are round ones, read off side views. The real one has rigid axles; here
-each wheel moves straight up and down by itself.
+and 1.5 Hz at the back. Lengths without a source are round ones, chosen by us. The real one has rigid axles; here each
+wheel moves straight up and down by itself.
 
 The body is watertight here: all of it up to the waist lifts, and so does the cabin. Of a real one the frame and the
 engine bay fill at once and the cabin within minutes. UNSW's Patrol of 2.5 t floated in 0.95 m of water (Smith et al.,

@@ -47,7 +47,7 @@ def light_4x4() -> Vehicle:
         hull=Hull(
             mass=1160.0,  # [kg]
             length=3.70,  # [m]
-            width=1.68,  # [m] as cars of the class whose track is 1.4 m: VAZ-2121 Niva 1.68 m; covers the tyres' 1.635 m
+            width=1.68,  # [m] covers the tyres, 1.635 m from face to face; cars of the class: VAZ-2121 Niva, 1.68 m
             height=0.90,  # [m]
             ground_clearance=0.24,  # [m]
             center_of_mass_height=0.62,  # [m] above ground

@@ -1,9 +1,9 @@
 """A small passenger car: a Toyota Yaris of 2005 to 2010 as far as it is published, and rules of the class beyond that.
 
-Published values carry their source. The rules, for what is not: an eighth of the mass is unsprung; the centre of mass of
-what is sprung lies at 0.40 of the height; radii of gyration are 0.40 of the track in roll, 0.46 and 0.48 of the wheelbase
-in pitch and yaw; the body heaves at 1.25 Hz in front and 1.4 Hz at the back, damped by 30 % of critical; lengths without
-a source are round ones, read off side views of such cars.
+Published values carry their source. The rules, for what is not: an eighth of the mass is unsprung; the centre of mass
+of what is sprung lies at 0.40 of the height; radii of gyration are 0.40 of the track in roll, 0.46 and 0.48 of the
+wheelbase in pitch and yaw; the body heaves at 1.25 Hz in front and 1.4 Hz at the back, damped by 30 % of critical;
+lengths without a source are round ones of such cars, chosen by us.
 
 The body is watertight here: all of it up to the waist lifts, and so does the cabin. Of a real car the engine bay fills
 at once and the cabin within minutes. UNSW's Yaris of 1.05 t floated in 0.60 m of water (Smith et al., WRL TR 2017/07);

@@ -13,7 +13,7 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -80,6 +80,7 @@ def _least_distances(axle: Axle, clearance: float, ahead: float | None) -> tuple
     return along, middle + half - axle.radius, reach.inboard + clearance - axle.half_width
 
 
+@lru_cache(maxsize=512)
 def clears_by_design(arches: WheelArches, axle: Axle) -> bool:
     """Tell if an arch is wide, high and deep enough for all ways of the tyre without a closer look."""
     ahead, above, inboard = arch_of(arches, axle).distances
@@ -106,6 +107,8 @@ class _Cover(NamedTuple):
     upper: tuple[_Line, ...]
 
 
+Key = TypeVar("Key", bound=float)
+Outline = tuple[tuple[float, float], ...]
 Stretch = tuple[int, int]
 """Numbers of the lines that bound a stretch of a column from below and above."""
 
@@ -128,14 +131,11 @@ def body_faces(hull: Hull, axles: tuple[Axle, Axle]) -> tuple[Array, ...]:
     Raises
     ------
     ValueError
-        If the arches of both sides meet, or leave nothing of the body.
+        If the arches of both sides meet.
     """
     arches = () if hull.wheel_arches is None else tuple(arch_of(hull.wheel_arches, axle) for axle in axles)
     shapes = tuple((part.width, tuple(map(tuple, part.side_profile().tolist()))) for part in hull.parts)
     return _faces(shapes, tuple((arch.inner, arch.outline) for arch in arches))
-
-
-Outline = tuple[tuple[float, float], ...]
 
 
 @lru_cache(maxsize=16)
@@ -155,8 +155,6 @@ def _faces(boxes: tuple[tuple[float, Outline], ...], arches: tuple[tuple[float, 
         opened = [c for c, (inner, _) in zip(holes, arches, strict=True) if inner <= low + same]
         sections.append(_columns(filled, opened, lines, places, heights, same))
     faces = _Builder(places, sides, heights, same).faces([*sections, [[] for _ in places[1:]]])
-    if not faces:
-        raise ValueError("Hull.wheel_arches leave nothing of the body; give smaller distances, or a larger hull.")
     for face in faces:
         face.setflags(write=False)
     return tuple(faces)
@@ -243,14 +241,17 @@ def _columns(  # the covers, and what is known of all lines
 
 
 def _without(
-    stretches: list[tuple[int, int]], others: list[tuple[int, int]], z: Mapping[int, float], same: float
-) -> list[tuple[int, int]]:
+    stretches: list[tuple[Key, Key]], others: list[tuple[Key, Key]], z: Mapping[Key, float], same: float
+) -> list[tuple[Key, Key]]:
     """Parts of stretches that the others do not hold; all between keys whose heights are `z`."""
-    found = []
+    found: list[tuple[Key, Key]] = []
     for low, high in stretches:
-        ends = {key: z[key] for pair in others for key in pair if z[low] + same < z[key] < z[high] - same}
-        cuts = [low, *sorted(ends, key=lambda key: ends[key]), high]
-        for a, b in itertools.pairwise(cuts):
+        ends: dict[Key, float] = {
+            key: z[key] for pair in others for key in pair if z[low] + same < z[key] < z[high] - same
+        }
+        cuts = [low]
+        cuts += sorted(ends, key=ends.__getitem__)
+        for a, b in itertools.pairwise([*cuts, high]):
             middle = 0.5 * (z[a] + z[b])
             if z[b] - z[a] > same and not any(z[p] < middle < z[q] for p, q in others):
                 if found and found[-1][1] == a:
@@ -274,12 +275,14 @@ class _Builder:
         for k, columns in enumerate(sections[:-1]):
             for line, roof, first, last in self._runs(columns):
                 level.setdefault((line, roof, first, last), []).append(k)
-            for i, z in enumerate(self.heights):
-                before = columns[i - 1] if i > 0 else []
-                behind, ahead = ([(z[a], z[b]) for a, b in s] for s in (before, columns[i] if i < len(columns) else []))
-                same = {height: height for pair in (*behind, *ahead) for height in pair}
+            for i, height in enumerate(self.heights):
+                behind, ahead = (
+                    [(height[a], height[b]) for a, b in column]
+                    for column in (columns[i - 1] if i > 0 else [], columns[i] if i < len(columns) else [])
+                )
+                heights = {end: end for pair in (*behind, *ahead) for end in pair}
                 for forward, one, other in ((True, behind, ahead), (False, ahead, behind)):
-                    for low, high in _without(one, other, same, self.same):  # type: ignore[arg-type]
+                    for low, high in _without(one, other, heights, self.same):
                         across.setdefault((i, low, high, forward), []).append(k)
             found += self._along(columns, sections[k + 1], self.sides[k + 1])
         for (line, roof, first, last), where in level.items():
@@ -287,9 +290,9 @@ class _Builder:
             for y0, y1 in self._merged(where):
                 corners = [(x[0], y0, z[0]), (x[1], y0, z[1]), (x[1], y1, z[1]), (x[0], y1, z[0])]
                 found += self._mirrored(np.array(corners if roof else corners[::-1]))
-        for (i, low, high, forward), where in across.items():
+        for (i, bottom, top, forward), where in across.items():
             for y0, y1 in self._merged(where):
-                corners = [(self.places[i], y, z) for y, z in ((y0, low), (y1, low), (y1, high), (y0, high))]
+                corners = [(self.places[i], y, h) for y, h in ((y0, bottom), (y1, bottom), (y1, top), (y0, top))]
                 found += self._mirrored(np.array(corners if forward else corners[::-1]))
         return found
 

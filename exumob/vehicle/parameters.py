@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -17,18 +17,39 @@ from exumob.support.declared import Declared
 from exumob.support.quantities import ImplausibleValue, Quantity, Unusual
 from exumob.vehicle.body import is_plain
 from exumob.vehicle.hull import Box, Hull, WheelArches, box_inertia
-from exumob.vehicle.running_gear import Steering, Suspension, Wheel, Wishbones
+from exumob.vehicle.running_gear import Suspension, Wheel, Wishbones
 from exumob.vehicle.wheel_motion import Axle
 from exumob.vehicle.wheel_room import WheelGap, least_gap, wheels_clear
 
 __all__ = [
-    "Box", "Hull", "Motion", "WheelGap", "least_wheel_gap", "Steering", "Suspension", "Vehicle", "Wheel", "WheelArches", "Wishbones", "box_inertia",
+    "Box",
+    "Hull",
+    "Motion",
+    "Steering",
+    "Suspension",
+    "Vehicle",
+    "Wheel",
+    "WheelArches",
+    "WheelGap",
+    "Wishbones",
+    "box_inertia",
+    "least_wheel_gap",
 ]  # fmt: skip
 
 SLOWEST_HEAVE = 0.2
 """Slowest plausible heave of a hull on its springs [Hz]; cars have 1 to 2, small models 3 to 10."""
 Motion = tuple[float, float, float]
 """A value and its first and second time derivatives."""
+
+
+@dataclass(frozen=True)
+class Steering(Declared):
+    """Front-wheel steering; the commanded angle is that of the middle of the front axle."""
+
+    geometry: Literal["parallel", "ackermann"] = "parallel"
+    """parallel: both wheels turn by the command (the paper); ackermann: both axes meet on the rear axle's line"""
+    limit: Annotated[float, Quantity("rad", at_least=0.0, at_most=math.radians(80.0))] = math.radians(35.0)
+    """Largest commanded angle"""
 
 
 @dataclass(frozen=True)
@@ -89,6 +110,11 @@ class Vehicle(Declared):
             )
 
     def _check_wheel_room(self) -> None:
+        """Refuse a hull of boxes that a tyre enters on its way."""
+        turning = math.hypot(self.wheel.radius, 0.5 * self.wheel.width)  # a tyre on pillars reaches no further
+        upright = all(suspension.wishbones is None for suspension in self.axle_suspensions)
+        if upright and not self.hull.boxes and 0.5 * (self.track - self.hull.width) >= turning:
+            return
         touch = wheels_clear(self.hull, self.axles)
         if touch is not None:
             raise ValueError(touch_message(self, "Hull.wheel_arches" if self.hull.wheel_arches else "Hull", touch))

@@ -1,10 +1,9 @@
-"""Wheels, suspension and steering as data."""
+"""Wheels and suspension as data."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 
@@ -129,13 +128,3 @@ class Suspension(Declared):
     def upright_inertia_tensor(self) -> Array:
         """Inertia tensor of the upright about the wheel centre, upright axes [kg m^2], shape (3, 3)."""
         return box_inertia(self.upright_mass, self.upright_size, self.upright_size, self.upright_size)
-
-
-@dataclass(frozen=True)
-class Steering(Declared):
-    """Front-wheel steering; the commanded angle is that of the middle of the front axle."""
-
-    geometry: Literal["parallel", "ackermann"] = "parallel"
-    """parallel: both wheels turn by the command (the paper); ackermann: both axes meet on the rear axle's line"""
-    limit: Annotated[float, Quantity("rad", at_least=0.0, at_most=math.radians(80.0))] = math.radians(35.0)
-    """Largest commanded angle"""

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from exumob.vehicle.hull import Box, Hull, WheelArches
-from exumob.vehicle.parameters import Vehicle
-from exumob.vehicle.running_gear import Steering, Suspension, Wheel, Wishbones
+from exumob.vehicle.parameters import Steering, Vehicle
+from exumob.vehicle.running_gear import Suspension, Wheel, Wishbones
 
 T = TypeVar("T")
 

@@ -1,6 +1,7 @@
 """Where a suspension and the steering take the tyres, in the hull's frame.
 
-Both sides of a vehicle are alike: what holds for a left wheel at all its steering angles holds, mirrored, for the right.
+Both sides of a vehicle are alike: what holds for a left wheel at all its steering angles holds, mirrored, for the right
+one.
 """
 
 from __future__ import annotations
@@ -59,9 +60,9 @@ class Reach(NamedTuple):
 def tyre_poses(axle: Axle, angles: Array, travels: Array) -> tuple[Array, Array]:
     """Return where the left tyre is at each pair of a steering angle and a travel.
 
-    A pillar takes the wheel straight up and lets it turn about the hull's z axis. Wishbones guide the two ball joints on
-    circles; the wheel leans with the line between them (camber) and turns about it. The angle about that line is taken
-    for the one about the hull's z axis: they differ by the camber squared.
+    A pillar takes the wheel straight up and lets it turn about the hull's z axis. Wishbones guide the two ball joints
+    on circles; the wheel leans with the line between them (camber) and turns about it. The angle about that line is
+    taken for the one about the hull's z axis: they differ by the camber squared.
 
     Parameters
     ----------
@@ -100,7 +101,7 @@ def tyre_poses(axle: Axle, angles: Array, travels: Array) -> tuple[Array, Array]
 
 @lru_cache(maxsize=64)
 def _linkage(arms: Wishbones) -> tuple[Array, Array, Array]:
-    """Lower ball joint (y, z) from the wheel's centre at ride height [m], and lean [rad], over the lower arm's turns."""
+    """Lower ball joint y, z from the wheel's centre at ride height [m], and lean [rad], over the lower arm's turns."""
     lower = np.stack(
         [
             -arms.ball_joint_inset + arms.lower_length * (np.cos(ARM_ANGLES) - 1.0),

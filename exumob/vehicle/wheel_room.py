@@ -11,10 +11,14 @@ import numpy as np
 from exumob.support.arrays import Array
 from exumob.vehicle.body import body_faces, clears_by_design, triangulated
 from exumob.vehicle.hull import Hull
-from exumob.vehicle.wheel_motion import ANGLES, TRAVELS, Axle, pose_grid, reach_of, tyre_poses
+from exumob.vehicle.wheel_motion import Axle, pose_grid, reach_of, tyre_poses
 
-COARSE, FINER, ZOOMS = 8.0, 8.0, 3
-"""Points along a tyre's radius on the body's surface at first, how many times as many in a zoom, and the zooms."""
+COARSE, FINER, LOOKS = 6.0, 4.0, 4
+"""Points along a tyre's radius on the body's surface at first, how many times as many in each further look, and looks.
+"""
+ANGLES, TRAVELS, NEAR = 9, 5, 5
+"""Steering angles and places along the travel of the first look, and of each about the closest place of a further one.
+"""
 MOST_ALONG = 200
 """Points along a side of a triangle at most."""
 BLOCK = 500_000
@@ -46,14 +50,16 @@ class WheelGap(NamedTuple):
         """Where it is, in words."""
         steered = f" steered {math.degrees(self.angle):+.1f} deg" if self.angle else ""
         moved = f"{1e3 * abs(self.travel):.0f} mm {'up' if self.travel > 0.0 else 'down'}" if self.travel else "at rest"
-        return f"the {self.wheel} tyre{steered}, {moved}, at ({', '.join(f'{x:.3f}' for x in self.point)}) m of the body"
+        return (
+            f"the {self.wheel} tyre{steered}, {moved}, at ({', '.join(f'{x:.3f}' for x in self.point)}) m of the body"
+        )
 
 
 def least_gap(hull: Hull, axles: tuple[Axle, Axle]) -> WheelGap:
     """Return where a tyre comes closest to a hull of boxes.
 
     The body's surface is looked at in points, more and more densely where it is nearest; the tyre is a cylinder with
-    sharp edges. What is found is the least distance to about a thousandth of the tyre's radius. That a suspension's
+    sharp edges. What is found is the least distance to about a hundredth of the tyre's radius. That a suspension's
     stops give way by some millimetres is left out.
 
     Parameters
@@ -137,28 +143,28 @@ def _closest(triangles: Array, axle: Axle) -> WheelGap:
     reach, radius = reach_of(axle), axle.radius
     center = np.array([axle.x, axle.y, radius])
     outboard = 2.0 * radius + axle.half_width
-    low = center - [reach.along + radius, reach.inboard + radius, reach.below + radius]
-    high = center + [reach.along + radius, outboard, reach.above + radius]
-    angles, travels = pose_grid(axle)
+    low = center - np.array([reach.along, reach.inboard, reach.below]) - radius
+    high = center + np.array([reach.along + radius, outboard, reach.above + radius])
+    angles, travels = pose_grid(axle, ANGLES, TRAVELS)
     step_angle = (axle.greatest_angle - axle.least_angle) / (ANGLES - 1)
     step_travel = (axle.bump + axle.rebound) / (TRAVELS - 1)
     spacing = radius / COARSE
-    best = WheelGap(math.inf, 0, 1, 0.0, 0.0, (math.nan,) * 3)
-    for _ in range(ZOOMS):
+    best = WheelGap(math.inf, 0, 1, 0.0, 0.0, (math.nan, math.nan, math.nan))
+    for _ in range(LOOKS):
         points = _points_on(triangles, low, high, spacing)
         if len(points) == 0:
             return best
         gap, pose, point = _least_distance(points - center, axle, angles, travels)
         if gap < best.gap:
-            place = points[point]
-            best = WheelGap(gap, 0, 1, float(angles[pose]), float(travels[pose]), tuple(map(float, place)))
-        near = np.linspace(-1.0, 1.0, 7)
+            x, y, z = (float(c) for c in points[point])
+            best = WheelGap(gap, 0, 1, float(angles[pose]), float(travels[pose]), (x, y, z))
+        near = np.linspace(-1.0, 1.0, NEAR)
         steered = np.clip(best.angle + step_angle * near, axle.least_angle, axle.greatest_angle)
         moved = np.clip(best.travel + step_travel * near, -axle.rebound, axle.bump)
         grid = np.meshgrid(np.unique(steered), np.unique(moved), indexing="ij")
         angles, travels = grid[0].ravel(), grid[1].ravel()
         low, high = np.array(best.point) - 2.0 * spacing, np.array(best.point) + 2.0 * spacing
-        step_angle, step_travel, spacing = 0.4 * step_angle, 0.4 * step_travel, spacing / FINER
+        step_angle, step_travel, spacing = 0.5 * step_angle, 0.5 * step_travel, spacing / FINER
     return best
 
 

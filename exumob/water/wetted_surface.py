@@ -17,7 +17,8 @@ from exumob.support.declared import checked
 from exumob.support.quantities import Quantity
 from exumob.vehicle.body import body_faces, is_plain, triangulated, with_shared_corners
 from exumob.vehicle.parameters import Vehicle
-from exumob.water.mesh_file import hull_mesh
+from exumob.water.mesh_file import LINES, hull_mesh
+from exumob.water.mesh_lines import lines_through
 
 HULL_STRIPS = 12
 """Strips along the hull; each is split at the centre plane into a port and a starboard cell."""
@@ -128,7 +129,8 @@ def hull_triangles(vehicle: Vehicle) -> Array:
     ValueError
         If the hull's mesh cannot be used: see `exumob.water.mesh_file`.
     """
-    return _triangulated(_hull_faces(vehicle, shared_corners=True))
+    faces = _hull_faces(vehicle, shared_corners=True)
+    return _triangulated(faces) if vehicle.hull.mesh is not None else triangulated(faces)
 
 
 def hull_surface(vehicle: Vehicle) -> Surface:
@@ -173,6 +175,22 @@ def body_surfaces(vehicle: Vehicle) -> tuple[Surface, Surface, Surface, Surface,
     """Return the surfaces of the five bodies, order of `exumob.vehicle.motion.BODIES`."""
     wheel = wheel_surface(vehicle)
     return hull_surface(vehicle), wheel, wheel, wheel, wheel
+
+
+def frontal_share(surface: Surface) -> float:
+    """Return the frontal area of a surface over half of all areas across its x axis [-].
+
+    It is 1 for a box, and less where parts lie in the shade of others, such as the front and rear walls of wheel
+    arches: these count for the pressure of still water, but the stream does not meet them. The frontal area is measured
+    on a grid of lines; that of a surface of upright and level edges is exact but for half of their spacing.
+    """
+    corners = surface.triangles.reshape(-1, 3)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    y, z = (low[k] + (high[k] - low[k]) * (np.arange(LINES) + 0.5137) / LINES for k in (1, 2))
+    seen = lines_through(surface.triangles, 0, y, z, -np.inf, np.inf).enclosed > 0.0
+    edges = surface.triangles[:, 1:] - surface.triangles[:, :1]
+    facing = 0.25 * float(np.abs(np.cross(edges[:, 0], edges[:, 1])[:, 0]).sum())
+    return min(1.0, float(seen.mean() * np.prod(high[1:] - low[1:])) / facing)
 
 
 def strip_edges(points: Array) -> Array:
