@@ -178,7 +178,7 @@ def body_surfaces(vehicle: Vehicle) -> tuple[Surface, Surface, Surface, Surface,
 
 
 def frontal_share(surface: Surface) -> float:
-    """Return the frontal area of a surface over half of all areas across its x axis [-].
+    """Return the frontal area of a surface over half of all areas across its x axis [-], both of its lower half.
 
     It is 1 for a box, and less where parts lie in the shade of others, such as the front and rear walls of wheel
     arches: these count for the pressure of still water, but the stream does not meet them. The frontal area is measured
@@ -186,9 +186,12 @@ def frontal_share(surface: Surface) -> float:
     """
     corners = surface.triangles.reshape(-1, 3)
     low, high = corners.min(axis=0), corners.max(axis=0)
+    high[2] = 0.5 * (low[2] + high[2])
     y, z = (low[k] + (high[k] - low[k]) * (np.arange(LINES) + 0.5137) / LINES for k in (1, 2))
     seen = lines_through(surface.triangles, 0, y, z, -np.inf, np.inf).enclosed > 0.0
-    edges = surface.triangles[:, 1:] - surface.triangles[:, :1]
+    pieces = _triangulated(_split_at_plane(list(surface.triangles), axis=2, position=float(high[2])))
+    pieces = pieces[pieces.mean(axis=1)[:, 2] < high[2]]
+    edges = pieces[:, 1:] - pieces[:, :1]
     facing = 0.25 * float(np.abs(np.cross(edges[:, 0], edges[:, 1])[:, 0]).sum())
     return min(1.0, float(seen.mean() * np.prod(high[1:] - low[1:])) / facing)
 

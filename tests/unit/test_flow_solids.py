@@ -70,7 +70,8 @@ def test_a_hull_with_arches_is_a_solid_with_room_for_its_wheels():
         arch = arch_of(vehicle.hull.wheel_arches, vehicle.axles[axle])
         side = math.copysign(1.0, center[1])
         wall = np.array([center[0], side * arch.inner, 0.35])
-        places = np.array([center, wall + [0.0, 0.1 * side, 0.0], wall - [0.0, 0.1 * side, 0.0]]) - vehicle.hull_origin
+        aside = np.array([0.0, 0.1 * side, 0.0])
+        places = np.array([center, wall + aside, wall - aside]) - vehicle.hull_origin
         at_center, in_arch, in_body = hull.distance(places)
         assert at_center > 0.08 and in_arch == pytest.approx(0.1, abs=cell) and in_body == pytest.approx(-0.1, abs=cell)
     rng = np.random.default_rng(2)
