@@ -18,7 +18,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from exumob.support.arrays import Array
-from exumob.vehicle.hull import ARCH_CLEARANCE, Box, Hull, WheelArches
+from exumob.vehicle.hull import ARCH_CLEARANCE, Hull, WheelArches
 from exumob.vehicle.wheel_motion import Axle, pose_grid, reach_of, rim_points, tyre_poses
 
 SAME = 1.0e-9
@@ -109,6 +109,17 @@ class _Cover(NamedTuple):
 
 Key = TypeVar("Key", bound=float)
 Outline = tuple[tuple[float, float], ...]
+
+
+class BodyShape(NamedTuple):
+    """Outlines of boxes and arches: all that shapes a body, as a key of what is computed of it once."""
+
+    boxes: tuple[tuple[float, Outline], ...]
+    """Width [m] and outline (x, z) [m] of each box"""
+    arches: tuple[tuple[float, Outline], ...]
+    """y of the wall [m] and outline of each arch of the port side"""
+
+
 Stretch = tuple[int, int]
 """Numbers of the lines that bound a stretch of a column from below and above."""
 
@@ -133,13 +144,20 @@ def body_faces(hull: Hull, axles: tuple[Axle, Axle]) -> tuple[Array, ...]:
     ValueError
         If the arches of both sides meet.
     """
+    return faces_of(body_shape(hull, axles))
+
+
+def body_shape(hull: Hull, axles: tuple[Axle, Axle]) -> BodyShape:
+    """Return what shapes a hull of boxes: parameters as `body_faces`."""
     arches = () if hull.wheel_arches is None else tuple(arch_of(hull.wheel_arches, axle) for axle in axles)
-    shapes = tuple((part.width, tuple(map(tuple, part.side_profile().tolist()))) for part in hull.parts)
-    return _faces(shapes, tuple((arch.inner, arch.outline) for arch in arches))
+    boxes = tuple((part.width, tuple((float(x), float(z)) for x, z in part.side_profile())) for part in hull.parts)
+    return BodyShape(boxes, tuple((arch.inner, arch.outline) for arch in arches))
 
 
 @lru_cache(maxsize=16)
-def _faces(boxes: tuple[tuple[float, Outline], ...], arches: tuple[tuple[float, Outline], ...]) -> tuple[Array, ...]:
+def faces_of(shape: BodyShape) -> tuple[Array, ...]:
+    """Return the outer faces of a body; see `body_faces`."""
+    boxes, arches = shape
     half_widths = [0.5 * width for width, _ in boxes]
     size = max(*half_widths, *(abs(c) for _, outline in boxes for corner in outline for c in corner))
     same = SAME * size
@@ -401,6 +419,6 @@ def triangulated(faces: Iterable[Array]) -> Array:
     return np.array(found)
 
 
-def is_plain(hull: Hull | Box) -> bool:
+def is_plain(hull: Hull) -> bool:
     """Tell if a hull is one whole box: nothing but its side profile and width."""
-    return isinstance(hull, Hull) and hull.mesh is None and not hull.boxes and hull.wheel_arches is None
+    return hull.mesh is None and not hull.boxes and hull.wheel_arches is None

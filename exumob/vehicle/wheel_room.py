@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from exumob.support.arrays import Array
-from exumob.vehicle.body import body_faces, clears_by_design, triangulated
+from exumob.vehicle.body import BodyShape, body_shape, clears_by_design, faces_of, triangulated
 from exumob.vehicle.hull import Hull
 from exumob.vehicle.wheel_motion import Axle, pose_grid, reach_of, tyre_poses
 
@@ -69,7 +69,7 @@ def least_gap(hull: Hull, axles: tuple[Axle, Axle]) -> WheelGap:
     axles : (Axle, Axle)
         Front and rear (`Vehicle.axles`).
     """
-    return gap_to(triangulated(body_faces(hull, axles)), axles, sides=(1,))
+    return _least_gap(body_shape(hull, axles), axles)
 
 
 def wheels_clear(hull: Hull, axles: tuple[Axle, Axle]) -> WheelGap | None:
@@ -83,36 +83,14 @@ def wheels_clear(hull: Hull, axles: tuple[Axle, Axle]) -> WheelGap | None:
         if axle.y - reach_of(axle).inboard >= half:
             continue
         if hull.wheel_arches is None or not clears_by_design(hull.wheel_arches, axle):
-            found = _least_gap(_shape_alone(hull), axles)
+            found = least_gap(hull, axles)
             return found if found.gap < -1e-6 * axle.radius else None
     return None
 
 
-def _shape_alone(hull: Hull) -> tuple[object, ...]:
-    return (
-        hull.length, hull.width, hull.height, hull.ground_clearance, hull.center_x, hull.bow_length, hull.bow_height,
-        hull.stern_length, hull.stern_height, hull.boxes, hull.wheel_arches, _Unkeyed(hull),
-    )  # fmt: skip
-
-
-class _Unkeyed:
-    """A hull that is passed on without being a part of a key: its mass does not matter."""
-
-    def __init__(self, hull: Hull) -> None:
-        self.hull = hull
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Unkeyed)
-
-    def __hash__(self) -> int:
-        return 0
-
-
 @lru_cache(maxsize=256)
-def _least_gap(shape: tuple[object, ...], axles: tuple[Axle, Axle]) -> WheelGap:
-    unkeyed = shape[-1]
-    assert isinstance(unkeyed, _Unkeyed)
-    return least_gap(unkeyed.hull, axles)
+def _least_gap(shape: BodyShape, axles: tuple[Axle, Axle]) -> WheelGap:
+    return gap_to(triangulated(faces_of(shape)), axles, sides=(1,))
 
 
 def gap_to(triangles: Array, axles: tuple[Axle, Axle], sides: tuple[int, ...] = (1, -1)) -> WheelGap:
