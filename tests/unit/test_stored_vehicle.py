@@ -36,8 +36,9 @@ def test_results_from_before_there_were_arches_can_be_drawn():
 
 
 def test_values_that_were_meant_come_back():
-    heavy = replace(amphibious_vehicle(), hull=replace(amphibious_vehicle().hull, mass=unusual(1e4)), suspension=replace(
-        amphibious_vehicle().suspension, stiffness=unusual(1e4)))  # fmt: skip
+    vehicle = amphibious_vehicle()
+    stiff = replace(vehicle.suspension, stiffness=unusual(1e4))
+    heavy = replace(vehicle, hull=replace(vehicle.hull, mass=unusual(1e4)), suspension=stiff)
     assert vehicle_from(written(heavy)).hull.mass == 1e4
 
 
