@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from exumob.simulation.summary import summary
     from exumob.support.errors import SimulationError, SimulationInterrupted
     from exumob.support.quantities import ImplausibleValue, unusual
-    from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones
+    from exumob.vehicle.parameters import Box, Hull, Steering, Suspension, Vehicle, Wheel, WheelArches, Wishbones
     from exumob.vehicle.point_force import PointForce
     from exumob.vehicle.vehicle_file import load_vehicle
     from exumob.water.coefficients import CoefficientHydrodynamics
@@ -31,6 +31,7 @@ else:
     __getattr__, __dir__ = on_first_use(__name__)
 
 __all__ = [
+    "Box",
     "CoefficientHydrodynamics",
     "ConstantSteer",
     "Hull",
@@ -50,6 +51,7 @@ __all__ = [
     "Vehicle",
     "Water",
     "Wheel",
+    "WheelArches",
     "Wishbones",
     "lane_change",
     "lane_shift",

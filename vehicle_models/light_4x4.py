@@ -6,7 +6,7 @@ different vehicle needs such a file, and nothing else.
 
 import math
 
-from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones
+from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, WheelArches, Wishbones
 
 
 def light_4x4() -> Vehicle:
@@ -47,7 +47,7 @@ def light_4x4() -> Vehicle:
         hull=Hull(
             mass=1160.0,  # [kg]
             length=3.70,  # [m]
-            width=1.10,  # [m] between the wheels, as the water meets it
+            width=1.68,  # [m] covers the tyres, 1.635 m from face to face; cars of the class: VAZ-2121 Niva, 1.68 m
             height=0.90,  # [m]
             ground_clearance=0.24,  # [m]
             center_of_mass_height=0.62,  # [m] above ground
@@ -55,6 +55,7 @@ def light_4x4() -> Vehicle:
             bow_length=0.35,  # [m]
             bow_height=0.45,  # [m]
             inertia=(260.0, 1150.0, 1250.0),  # [kg m^2] roll, pitch, yaw
+            wheel_arches=WheelArches(),  # as the tyres need them
         ),
         wheel=Wheel(
             mass=27.0,  # [kg]

@@ -196,10 +196,10 @@ class Grid:
             Lowest face [m]: the bed, or the lowest bed on the window's way if that is given.
         """
         hull, wheel = vehicle.hull, vehicle.wheel
-        middle = hull.center_x - hull.center_of_mass_x
-        front = max(middle + 0.5 * hull.length, 0.5 * vehicle.wheelbase + wheel.radius) + 0.1
-        rear = min(middle - 0.5 * hull.length, -0.5 * vehicle.wheelbase - wheel.radius) - 0.15
-        side = max(0.5 * hull.width, 0.5 * (vehicle.track + wheel.width) + 0.3 * wheel.diameter) + 0.06
+        low, high = (end - vehicle.hull_origin for end in hull.extent)
+        front = max(float(high[0]), 0.5 * vehicle.wheelbase + wheel.radius) + 0.1
+        rear = min(float(low[0]), -0.5 * vehicle.wheelbase - wheel.radius) - 0.15
+        side = max(float(high[1]), 0.5 * (vehicle.track + wheel.width) + 0.3 * wheel.diameter) + 0.06
         if ahead < front or behind < -rear or aside < side:
             raise ValueError(
                 f"Grid.around_vehicle: the window ({ahead:g} m ahead, {behind:g} m behind, {aside:g} m "

@@ -156,15 +156,15 @@ def _needs(vehicle: Vehicle, solids: tuple[Solid, ...], steering_range: tuple[fl
     if gap <= 0.0:
         raise ValueError(
             f"{vehicle.name}: the {name} wheel cuts {-1e3 * gap:.0f} mm into the hull when steered "
-            f"{math.degrees(angle):.0f} deg; steer less, widen Vehicle.track, narrow Hull.width, or give a Hull.mesh "
-            "with wheel arches."
+            f"{math.degrees(angle):.0f} deg; steer less, widen Vehicle.track, narrow Hull.width, or give "
+            "Hull.wheel_arches, or a Hull.mesh with them."
         )
     keel = float(vehicle.hull.center_of_mass_height + hull.low[2])
     steered = f" steered {math.degrees(angle):.0f} deg" if abs(angle) > 0.005 else ""
     return [
         _Need(
             f"the gap between hull and {name} wheel{steered}", gap, LEAST_CELLS_IN_GAP,
-            "make it wider (Vehicle.track, Hull.width, wheel arches in Hull.mesh"
+            "make it wider (Vehicle.track, Hull.width, Hull.wheel_arches"
             f"{', less steering' if steered else ''})",
         ),
         _Need("the gap between keel and bed", keel, LEAST_CELLS_IN_GAP, "raise Hull.ground_clearance"),
@@ -185,11 +185,11 @@ def _extents(vehicle: Vehicle, grid: Grid) -> list[tuple[float, float]]:
     """Extents of the five bodies along the grid's x and y [m]; raises if they leave the window."""
     hull, radius = vehicle.hull, vehicle.wheel.radius
     turning = math.hypot(radius, 0.5 * vehicle.wheel.width)
-    middle = hull.center_x - hull.center_of_mass_x
+    stern, bow = (end - vehicle.hull_origin for end in hull.extent)
     axles = np.array([0.5, -0.5]) * vehicle.wheelbase - hull.center_of_mass_x
     extents = [
-        (min(middle - 0.5 * hull.length, axles[1] - radius), max(middle + 0.5 * hull.length, axles[0] + turning)),
-        (-max(0.5 * hull.width, 0.5 * vehicle.track + turning), max(0.5 * hull.width, 0.5 * vehicle.track + turning)),
+        (min(float(stern[0]), axles[1] - radius), max(float(bow[0]), axles[0] + turning)),
+        (-max(float(bow[1]), 0.5 * vehicle.track + turning), max(float(bow[1]), 0.5 * vehicle.track + turning)),
     ]
     margin = 3.0 * grid.smallest_width
     for axis, faces, (low, high) in zip("xy", (grid.x_faces, grid.y_faces), extents, strict=True):

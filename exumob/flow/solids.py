@@ -21,6 +21,7 @@ from exumob.support.cost import require_memory
 from exumob.support.declared import Declared, checked
 from exumob.support.kernels import njit
 from exumob.support.quantities import Quantity
+from exumob.vehicle.body import is_plain
 from exumob.vehicle.parameters import Hull, Vehicle
 from exumob.water.mesh_file import sound_triangles
 from exumob.water.mesh_lines import signed_distances
@@ -162,7 +163,7 @@ def prism(
 
 @checked
 def hull_prism(hull: Hull, friction: float = HULL_FRICTION) -> Solid:
-    """Raked-bow box of a `Hull` about its centre of mass."""
+    """First box of a `Hull`, raked, about its centre of mass; without wheel arches."""
     return prism(hull.side_profile() - [hull.center_of_mass_x, hull.center_of_mass_height], hull.width, friction)
 
 
@@ -211,11 +212,11 @@ def vehicle_solids(
     ----------
     vehicle : Vehicle
     cell_size : float
-        Cell size of the flow's grid [m]; a hull mesh is sampled at half of it.
+        Cell size of the flow's grid [m]; a hull with wheel arches or more boxes, and a mesh, are sampled at half of it.
     tread : Tread or None
         Lugs of the wheels.
     """
-    if vehicle.hull.mesh is None:
+    if is_plain(vehicle.hull):
         hull = hull_prism(vehicle.hull)
     else:
         hull = mesh_solid(hull_triangles(vehicle), 0.5 * cell_size)

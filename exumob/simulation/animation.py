@@ -27,7 +27,8 @@ from exumob.simulation.plotting import (
 from exumob.support.arrays import Array
 from exumob.support.cost import require_frames
 from exumob.support.figures import BODY_COLOR, SOIL_COLOR, STYLE, WATER_COLOR, footnote, trust_notes
-from exumob.vehicle.parameters import Hull
+from exumob.vehicle.body import arch_of
+from exumob.vehicle.stored import vehicle_from
 
 
 def animate_run(dataset: xr.Dataset, file: str | Path, frames_per_second: int = 12) -> None:
@@ -81,10 +82,11 @@ class _Scene:
     def __init__(self, figure: Figure, top: Axes, side: Axes, dataset: xr.Dataset, ratio: float) -> None:
         self.data, self.top, self.side = dataset, top, side
         vehicle, water = _parameters(dataset, "vehicle"), _parameters(dataset, "water")
-        self.hull = Hull(**(vehicle["hull"] | {"mesh": None, "inertia": None}))  # the box alone is drawn
+        self.vehicle = vehicle_from(vehicle)
+        self.hull = self.vehicle.hull  # its boxes alone are drawn
         self.radius = 0.5 * vehicle["wheel"]["diameter"]
         self.terrain = stored_terrain(dataset)
-        size = self.hull.length
+        size = float(np.ptp(self.hull.extent, axis=0)[0])
         plot_path(top, dataset, every=0.0)
         draw_current(top, dataset)
         frame_path(top, dataset, ratio)
@@ -98,7 +100,7 @@ class _Scene:
         depth = water.get("depth", 0.0)
         places = dataset["position"].values
         height = places[..., 2] - self._ground(places[:, 0])[:, None]  # above the soil below the hull's centre
-        above_hull = self.hull.ground_clearance + self.hull.height - self.hull.center_of_mass_height
+        above_hull = float(self.hull.extent[1][2]) - self.hull.center_of_mass_height
         above_hull += 0.5 * size * float(np.abs(np.sin(dataset["pitch"].values[:, 0])).max())
         high = max(float(height[:, 0].max()) + above_hull, 1.1 * depth)
         low = min(float(height[:, 1:].min()) - self.radius, 0.0)
@@ -112,10 +114,14 @@ class _Scene:
         )
         side.set_xlim(-1.1 * size, 1.1 * size)
         side.grid(visible=False)
-        self.profile = Polygon(np.zeros((3, 2)), fc="C0", ec=BODY_COLOR, zorder=3)
+        self.profile = [Polygon(np.zeros((3, 2)), fc="C0", ec=BODY_COLOR, zorder=3) for _ in self.hull.parts]
+        self.outline = [part.side_profile() for part in self.hull.parts]
+        for arch in self._arches():
+            self.profile.append(Polygon(np.zeros((3, 2)), fc="0.25", ec="none", zorder=3.2))
+            self.outline.append(arch)
         near = (2.0, 3.5, 2.0, 3.5)  # seen from starboard: the right-hand wheels stand before the hull
         self.rims = [Circle((0, 0), self.radius, fc="0.35", ec="k", zorder=z) for z in near]
-        for part in (self.profile, *self.rims):
+        for part in (*self.profile, *self.rims):
             side.add_patch(part)
         self.spokes = [side.plot([], [], color="0.85", lw=1.2, zorder=z + 0.2)[0] for z in near]
         self.turn = np.concatenate([np.zeros((1, 4)), np.cumsum(
@@ -123,6 +129,14 @@ class _Scene:
             * (dataset["wheel_speed"].values[1:] + dataset["wheel_speed"].values[:-1]), axis=0)])  # fmt: skip
         side.set_title("from starboard", loc="left", fontweight="normal")
         self.title = figure.suptitle(" ", fontsize=10, fontweight="bold")
+
+    def _arches(self) -> list[Array]:
+        """Outlines of the wheel arches seen from the side, down to the keel."""
+        hull = self.hull
+        if hull.wheel_arches is None or hull.mesh is not None:
+            return []
+        arches = [arch_of(hull.wheel_arches, axle).outline for axle in self.vehicle.axles]
+        return [np.maximum(np.array(outline), [-np.inf, hull.ground_clearance]) for outline in arches]
 
     def _ground(self, places: Array) -> Array:
         """Height of the soil's surface below places, shape (..., 2 or 3) -> (...) [m]."""
@@ -149,9 +163,10 @@ class _Scene:
         heading = np.array([np.cos(yaw), np.sin(yaw)])
         origin = data["position"].values[index, 0]
         self._move_soil(origin, heading)
-        profile = hull.side_profile() - [hull.center_of_mass_x, hull.center_of_mass_height]
         c, s = np.cos(pitch), np.sin(pitch)
-        self.profile.set_xy(profile @ np.array([[c, -s], [s, c]]) + [0.0, origin[2]])
+        for patch, outline in zip(self.profile, self.outline, strict=True):
+            profile = outline - [hull.center_of_mass_x, hull.center_of_mass_height]
+            patch.set_xy(profile @ np.array([[c, -s], [s, c]]) + [0.0, origin[2]])
         for k in range(4):
             center = data["position"].values[index, 1 + k]
             x = float((center[:2] - origin[:2]) @ heading)
@@ -164,4 +179,4 @@ class _Scene:
             f"{water_label(data)}   t = {float(data['time'].values[index]):.2f} s   speed {speed:.2f} m/s   "
             f"yaw {round(math.degrees(yaw)) + 0}°"
         )
-        return [*self.outlines, self.soil, self.profile, *self.rims, *self.spokes, self.title]
+        return [*self.outlines, self.soil, *self.profile, *self.rims, *self.spokes, self.title]

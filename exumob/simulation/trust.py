@@ -26,7 +26,7 @@ from exumob.simulation.description import RunDescription
 from exumob.simulation.settings import DEFAULT_SETTING, setting_named
 from exumob.support.measured import flow_load_error, measured_errors
 from exumob.surrogates.model import SurrogateHydrodynamics
-from exumob.surrogates.networks import GEOMETRY
+from exumob.surrogates.networks import GEOMETRY, further_shape
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
@@ -470,7 +470,8 @@ def _nearest(vehicle: Vehicle, water: Water, rows: Sequence[Mapping[str, Any]]) 
 
 
 def _plain(vehicle: Vehicle) -> dict[str, Any]:
-    return _flat(json.loads(json.dumps(asdict(vehicle), default=str)))
+    found = _flat(json.loads(json.dumps(asdict(vehicle), default=str)))
+    return found | {"hull.mesh": found["hull.mesh"] or further_shape(vehicle)}
 
 
 def _flat(nested: Mapping[str, Any], before: str = "") -> dict[str, Any]:

@@ -294,7 +294,19 @@ def geometry(vehicle: Vehicle) -> dict[str, Any]:
         found[name] = value if value is None or isinstance(value, int | float) else str(value)
     if vehicle.hull.mesh is not None:
         found["hull.mesh"] = f"contents {mesh_digest(vehicle.hull)[:16]}"  # a path does not say which shape
+    else:
+        found["hull.mesh"] = further_shape(vehicle)
     return found
+
+
+def further_shape(vehicle: Vehicle) -> str | None:
+    """Return a text for what a hull of boxes has beyond the first one with its bow (`GEOMETRY`); None if nothing."""
+    hull = vehicle.hull
+    stern = (hull.stern_length, hull.stern_height)
+    if not hull.boxes and hull.wheel_arches is None and 0.0 in stern:
+        return None
+    more = (hull.boxes, hull.wheel_arches, stern)
+    return f"more boxes, wheel arches or a raked stern {hashlib.sha256(repr(more).encode()).hexdigest()[:16]}"
 
 
 def write_arrays(path: Path, header: dict[str, Any], arrays: dict[str, Single]) -> None:

@@ -8,244 +8,38 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 
 from exumob.support.arrays import Array
-from exumob.support.checks import require_within
 from exumob.support.declared import Declared
 from exumob.support.quantities import ImplausibleValue, Quantity, Unusual
+from exumob.vehicle.body import is_plain
+from exumob.vehicle.hull import Box, Hull, WheelArches, box_inertia
+from exumob.vehicle.running_gear import Suspension, Wheel, Wishbones
+from exumob.vehicle.wheel_motion import Axle
+from exumob.vehicle.wheel_room import WheelGap, least_gap, wheels_clear
+
+__all__ = [
+    "Box",
+    "Hull",
+    "Motion",
+    "Steering",
+    "Suspension",
+    "Vehicle",
+    "Wheel",
+    "WheelArches",
+    "WheelGap",
+    "Wishbones",
+    "box_inertia",
+    "least_wheel_gap",
+]  # fmt: skip
 
 SLOWEST_HEAVE = 0.2
 """Slowest plausible heave of a hull on its springs [Hz]; cars have 1 to 2, small models 3 to 10."""
-LOAD_ABOVE, LOAD_BELOW = 1.0, 0.25
-"""How far the centre of mass may plausibly lie above the deck (a load on it) and below the keel [hull heights]."""
 Motion = tuple[float, float, float]
 """A value and its first and second time derivatives."""
-
-
-@dataclass(frozen=True)
-class Hull(Declared):
-    """The sprung body: a box with a raked bow, or any watertight mesh.
-
-    The keel is flat from the stern to `bow_length` behind the foremost point, then rises straight to `bow_height`
-    above the keel; from there the stem is vertical up to the deck.
-    """
-
-    mass: Annotated[float, Quantity("kg", above=0.0, at_most=1e9, plausible=(0.5, 1e5))]
-    """Mass of all that is sprung"""
-    length: Annotated[float, Quantity("m", above=0.0, at_most=1e3, plausible=(0.1, 30.0))]
-    """Length over all"""
-    width: Annotated[float, Quantity("m", above=0.0, at_most=1e3, plausible=(0.04, 10.0))]
-    """Width over all"""
-    height: Annotated[float, Quantity("m", above=0.0, at_most=1e3, plausible=(0.02, 10.0))]
-    """Height from keel to deck"""
-    ground_clearance: Annotated[float, Quantity("m", above=0.0, at_most=1e3, plausible=(2e-3, 3.0))]
-    """Height of the keel above hard ground"""
-    center_of_mass_height: Annotated[float, Quantity("m", above=0.0, at_most=1e3, plausible=(5e-3, 5.0))]
-    """Height of the centre of mass above hard ground"""
-    center_of_mass_x: Annotated[float, Quantity("m", at_least=-1e3, at_most=1e3)] = 0.0
-    """Centre of mass ahead of mid wheelbase; within the hull's length"""
-    center_x: Annotated[float, Quantity("m", at_least=-1e3, at_most=1e3)] = 0.0
-    """Middle of the hull's length ahead of mid wheelbase; less than the length"""
-    bow_length: Annotated[float, Quantity("m", at_least=0.0, at_most=1e3)] = 0.0
-    """Length over which the keel rises at the bow, up to the whole; 0: a plain box"""
-    bow_height: Annotated[float, Quantity("m", at_least=0.0, at_most=1e3)] = 0.0
-    """Height above the keel where the rake ends, up to the deck"""
-    inertia: Annotated[tuple[float, float, float] | None, Quantity("kg m^2", above=0.0, at_most=1e12)] = None
-    """(I_xx, I_yy, I_zz) about the centre of mass; None: a uniform box of this size and mass"""
-    mesh: Path | None = None
-    """Watertight surface (STL, OBJ ...) in the design frame [m] that replaces the box, with its wheel arches; needs
-    trimesh. `length`, `width` and `height` stay its overall sizes; `exumob.water.mesh_file` says what is refused"""
-
-    def _check(self) -> None:
-        require_within(
-            "Hull", -self.length, self.length, "give a place within Hull.length.",
-            center_of_mass_x=self.center_of_mass_x, center_x=self.center_x,
-        )  # fmt: skip
-        if self.bow_length > self.length:
-            require_within("Hull", 0.0, self.length, "give a part of Hull.length.", bow_length=self.bow_length)
-        if self.bow_height > self.height:
-            require_within("Hull", 0.0, self.height, "give a part of Hull.height.", bow_height=self.bow_height)
-        self._check_sizes()
-        density = self.mass / (self.length * self.width * self.height)
-        if not 5.0 <= density <= 5000.0 and not isinstance(self.mass, Unusual):
-            raise ImplausibleValue(
-                f"Hull.mass = {self.mass:g} kg in a box of {self.length:g} x {self.width:g} x {self.height:g} m is "
-                f"{density:.3g} kg/m^3 (plausible: 5 to 5000); give kilograms and metres. If it is meant: "
-                f"mass=unusual({self.mass:g})."
-            )
-        if self.inertia is not None:
-            if 2.0 * max(self.inertia) > sum(self.inertia):
-                raise ValueError(
-                    f"Hull.inertia = {self.inertia} breaks the triangle inequality I_a <= I_b + I_c; "
-                    "no rigid body has it. Check the three values about the centre of mass."
-                )
-            widest = 2.0 * math.sqrt(max(self.inertia) / self.mass)
-            largest = math.hypot(self.length, self.width, self.height)
-            if not 0.05 * largest <= widest <= 3.0 * largest and not isinstance(max(self.inertia), Unusual):
-                raise ImplausibleValue(
-                    f"Hull.inertia = {self.inertia} kg m^2 means that the mass lies {0.5 * widest:.3g} m from its "
-                    f"centre, in a hull of {largest:.3g} m; give kg m^2 about the centre of mass, or unusual(...) for "
-                    "the largest."
-                )
-
-    def _check_sizes(self) -> None:
-        """Refuse a hull that is wider than long, and a centre of mass that is nowhere near the hull."""
-        if self.width > self.length and not (isinstance(self.width, Unusual) or isinstance(self.length, Unusual)):
-            raise ImplausibleValue(
-                f"Hull.width = {self.width:g} m is more than Hull.length = {self.length:g} m; are they swapped? If it "
-                f"is meant: width=unusual({self.width:g}), or --unusual in a sweep."
-            )
-        place, keel, deck = self.center_of_mass_height, self.ground_clearance, self.ground_clearance + self.height
-        low, high = keel - LOAD_BELOW * self.height, deck + LOAD_ABOVE * self.height
-        if not low <= place <= high and not isinstance(place, Unusual):
-            raise ImplausibleValue(
-                f"Hull.center_of_mass_height = {place:g} m above hard ground, and the hull reaches from "
-                f"ground_clearance = {keel:g} m to ground_clearance + height = {deck:.6g} m (plausible: "
-                f"{max(low, 0.0):.3g} to {high:.6g} m, with a load on deck); give the height above the ground, or mend "
-                f"Hull.height. If it is meant: center_of_mass_height=unusual({place:g}), or --unusual in a "
-                "sweep."
-            )
-
-    @property
-    def inertia_tensor(self) -> Array:
-        """Inertia tensor about the centre of mass, hull axes [kg m^2], shape (3, 3)."""
-        if self.inertia is not None:
-            return np.diag(np.array(self.inertia, dtype=float))
-        return box_inertia(self.mass, self.length, self.width, self.height)
-
-    def side_profile(self) -> Array:
-        """Return the outline of the raked box from starboard: corners (x, z) in the design frame [m], shape (n, 2).
-
-        Counter-clockwise with x to the right and z up, from the stern's keel; three to five corners, no two in a row
-        equal.
-        """
-        stern, bow = self.center_x - 0.5 * self.length, self.center_x + 0.5 * self.length
-        keel, deck = self.ground_clearance, self.ground_clearance + self.height
-        corners = np.array(
-            [[stern, keel], [bow - self.bow_length, keel], [bow, keel + self.bow_height], [bow, deck], [stern, deck]]
-        )
-        apart = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1) > 0.0
-        return np.asarray(corners[apart])
-
-
-@dataclass(frozen=True)
-class Wheel(Declared):
-    """A rigid tyre and rim; all four wheels are alike."""
-
-    mass: Annotated[float, Quantity("kg", above=0.0, at_most=1e6, plausible=(0.01, 3e3))]
-    """Mass of tyre and rim"""
-    diameter: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(0.02, 5.0))]
-    """Outer diameter of the tyre"""
-    width: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(5e-3, 3.0))]
-    """Width of the tyre"""
-    inertia: Annotated[tuple[float, float] | None, Quantity("kg m^2", above=0.0, at_most=1e9)] = None
-    """(spin, transverse) about the centre; None: a uniform solid cylinder"""
-
-    def _check(self) -> None:
-        if self.width > self.diameter and not (isinstance(self.width, Unusual) or isinstance(self.diameter, Unusual)):
-            raise ImplausibleValue(
-                f"Wheel.width = {self.width:g} m is more than Wheel.diameter = {self.diameter:g} m; are they swapped? "
-                f"If it is meant, a roller: width=unusual({self.width:g}), or --unusual in a sweep."
-            )
-        if self.inertia is not None:
-            spin, transverse = self.inertia
-            if spin > 2.0 * transverse:
-                raise ValueError(
-                    f"Wheel.inertia = {self.inertia}: the spin inertia must not exceed twice the transverse one; no "
-                    "rigid body has that. Give (spin, transverse) about the centre."
-                )
-            largest = self.mass * self.radius**2  # all of the mass at the tread
-            if not 0.05 * largest <= spin <= 1.0001 * largest and not isinstance(spin, Unusual):
-                raise ImplausibleValue(
-                    f"Wheel.inertia = {self.inertia}: a wheel of {self.mass:g} kg and {self.diameter:g} m has a spin "
-                    f"inertia of {0.5 * largest:.3g} (solid) to {largest:.3g} kg m^2 (a hoop); give kg m^2, or "
-                    f"unusual({spin:g})."
-                )
-
-    @property
-    def radius(self) -> float:
-        """Half the diameter [m]."""
-        return 0.5 * self.diameter
-
-    @property
-    def inertia_tensor(self) -> Array:
-        """Inertia tensor about the centre, wheel axes (y is the spin axis) [kg m^2], shape (3, 3)."""
-        if self.inertia is not None:
-            spin, transverse = self.inertia
-        else:
-            spin = 0.5 * self.mass * self.radius**2
-            transverse = self.mass * (3.0 * self.radius**2 + self.width**2) / 12.0
-        return np.diag([transverse, spin, transverse])
-
-
-@dataclass(frozen=True)
-class Wishbones(Declared):
-    """Front view of a double wishbone: two parallel-axis A-arms, each as two rigid rods (fore and aft)."""
-
-    upper_length: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(5e-3, 3.0))]
-    """Upper arm, hull pivot to ball joint"""
-    lower_length: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(5e-3, 3.0))]
-    """Lower arm, hull pivot to ball joint"""
-    ball_joint_inset: Annotated[float, Quantity("m", at_least=-100.0, at_most=100.0)]
-    """Ball joints inboard of the wheel centre"""
-    upper_height: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(2e-3, 3.0))]
-    """Upper ball joint above the wheel centre"""
-    lower_height: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(2e-3, 3.0))]
-    """Lower ball joint below the wheel centre"""
-    pivot_spread: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(2e-3, 3.0))]
-    """Distance of the two hull pivots of an arm along x"""
-    upper_pivot_drop: Annotated[float, Quantity("m", at_least=-100.0, at_most=100.0)] = 0.0
-    """Hull pivot of the upper arm below its ball joint at ride height: camber gain"""
-
-    def _check(self) -> None:
-        steepest = 0.9 * self.upper_length
-        hint = "use a longer arm or a smaller drop."
-        require_within("Wishbones", -steepest, steepest, hint, upper_pivot_drop=self.upper_pivot_drop)
-
-
-@dataclass(frozen=True)
-class Suspension(Declared):
-    """Independent suspension of one wheel, rates as felt at the wheel along the hull's z axis.
-
-    Without `wishbones` the upright slides on a pillar along the hull's z axis. The spring carries the static load of
-    the hull at ride height, so stiffness can be edited without changing the ride height.
-    """
-
-    stiffness: Annotated[float, Quantity("N/m", above=0.0, at_most=1e12, plausible=(5.0, 1e8))]
-    """Rate of the spring"""
-    damping: Annotated[float, Quantity("N s/m", at_least=0.0, at_most=1e7, plausible=(0.0, 1e6))]
-    """Rate of the damper"""
-    upright_mass: Annotated[float, Quantity("kg", above=0.0, at_most=1e6, plausible=(2e-3, 2e3))]
-    """Mass of the upright, which steers and does not spin"""
-    upright_size: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(2e-3, 3.0))]
-    """Edge of the cube whose inertia the upright has"""
-    bump_travel: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(5e-4, 1.0))]
-    """Travel from ride height to the bump stop"""
-    rebound_travel: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(5e-4, 1.0))]
-    """Travel from ride height to the rebound stop"""
-    stop_stiffness: Annotated[float, Quantity("N/m", above=0.0, at_most=1e12, plausible=(5.0, 1e9))]
-    """Stiffness of either stop"""
-    stop_softening: Annotated[float, Quantity("m", above=0.0, at_most=100.0, plausible=(1e-5, 0.5))] = 2.0e-3
-    """Compression over which a stop's stiffness builds up"""
-    wishbones: Wishbones | None = None
-    """Linkage of the upright; None: it slides on a pillar"""
-
-    def _check(self) -> None:
-        stop, spring = self.stop_stiffness, self.stiffness
-        if stop < spring and not (isinstance(stop, Unusual) or isinstance(spring, Unusual)):
-            raise ImplausibleValue(
-                f"Suspension.stop_stiffness = {stop:g} N/m is less than Suspension.stiffness = {spring:g} N/m; are "
-                f"they swapped? If it is meant: stop_stiffness=unusual({stop:g}), or --unusual in a sweep."
-            )
-
-    @property
-    def upright_inertia_tensor(self) -> Array:
-        """Inertia tensor of the upright about the wheel centre, upright axes [kg m^2], shape (3, 3)."""
-        return box_inertia(self.upright_mass, self.upright_size, self.upright_size, self.upright_size)
 
 
 @dataclass(frozen=True)
@@ -280,14 +74,7 @@ class Vehicle(Declared):
     """Suspension of the rear wheels; None: as in front"""
 
     def _check(self) -> None:
-        gap = 0.5 * (self.track - self.wheel.width - self.hull.width)
-        is_box = self.hull.mesh is None  # a mesh has its wheel arches: `exumob.water.mesh_file` looks at it
-        if is_box and gap < 0.0 and self.hull.ground_clearance < self.wheel.diameter:
-            raise ValueError(
-                f"Vehicle.track = {self.track} m puts the tyres {-gap:.3f} m inside the hull, a box; it must be at "
-                f"least hull.width + wheel.width = {self.hull.width + self.wheel.width:.3f} m. A body over the wheels "
-                "needs Hull.mesh, a surface with wheel arches; or give the width between the tyres as Hull.width."
-            )
+        self._check_tyres_beside_hull()
         if self.wheelbase <= self.wheel.diameter or self.track <= self.wheel.width:
             raise ValueError(
                 f"Vehicle.wheelbase = {self.wheelbase:g} m and track = {self.track:g} m must be larger than the tyre's "
@@ -308,6 +95,29 @@ class Vehicle(Declared):
                 f"Hull.center_of_mass_x = {self.hull.center_of_mass_x} m puts {100 * front:.0f} % of the hull's weight "
                 "on the front axle; it must lie between the axles (5 % to 95 %)."
             )
+        if self.hull.mesh is None:  # `exumob.water.mesh_file` looks at a mesh, once it is read
+            self._check_wheel_room()
+
+    def _check_tyres_beside_hull(self) -> None:
+        """Refuse a box of which the tyres are a part straight ahead: the commonest mistake, told by its numbers."""
+        gap = 0.5 * (self.track - self.wheel.width - self.hull.width)
+        if is_plain(self.hull) and gap < 0.0 and self.hull.ground_clearance < self.wheel.diameter:
+            raise ValueError(
+                f"Vehicle.track = {self.track} m puts the tyres {-gap:.3f} m inside the hull, a box; it must be at "
+                f"least hull.width + wheel.width = {self.hull.width + self.wheel.width:.3f} m. A body over the wheels "
+                "needs Hull.wheel_arches, or Hull.mesh, a surface with wheel arches; or give the width between the "
+                "tyres as Hull.width."
+            )
+
+    def _check_wheel_room(self) -> None:
+        """Refuse a hull of boxes that a tyre enters on its way."""
+        turning = math.hypot(self.wheel.radius, 0.5 * self.wheel.width)  # a tyre on pillars reaches no further
+        upright = all(suspension.wishbones is None for suspension in self.axle_suspensions)
+        if upright and not self.hull.boxes and 0.5 * (self.track - self.hull.width) >= turning:
+            return
+        touch = wheels_clear(self.hull, self.axles)
+        if touch is not None:
+            raise ValueError(touch_message(self, "Hull.wheel_arches" if self.hull.wheel_arches else "Hull", touch))
 
     @property
     def mass(self) -> float:
@@ -318,6 +128,19 @@ class Vehicle(Declared):
     def axle_suspensions(self) -> tuple[Suspension, Suspension]:
         """Suspensions of the front and of the rear axle."""
         return self.suspension, self.rear_suspension or self.suspension
+
+    @property
+    def axles(self) -> tuple[Axle, Axle]:
+        """Front and rear axle: the left tyre of each, and how far it steers and moves."""
+        low, high = 0.0, 0.0
+        if self.steering.limit > 0.0:
+            low, high = (self.steering_angles((s * self.steering.limit, 0.0, 0.0))[0][0] for s in (-1.0, 1.0))
+        half, y = 0.5 * self.wheelbase, 0.5 * self.track
+        front, rear = (
+            Axle(x, y, self.wheel.radius, 0.5 * self.wheel.width, *angles, s.bump_travel, s.rebound_travel, s.wishbones)
+            for x, angles, s in zip((half, -half), ((low, high), (0.0, 0.0)), self.axle_suspensions, strict=True)
+        )
+        return front, rear
 
     @property
     def front_load_share(self) -> float:
@@ -354,6 +177,34 @@ class Vehicle(Declared):
         return _ackermann(command, ratio), _ackermann(command, -ratio)
 
 
+def least_wheel_gap(vehicle: Vehicle) -> WheelGap:
+    """Return where a tyre comes closest to a hull of boxes, on all ways that steering and suspension allow.
+
+    Its `gap` is infinite if that is further away than the tyre's radius. See `exumob.vehicle.wheel_room.least_gap`; of
+    a mesh `exumob.water.mesh_file.mesh_wheel_gap` tells it.
+
+    Raises
+    ------
+    ValueError
+        If the hull is a mesh.
+    """
+    if vehicle.hull.mesh is not None:
+        raise ValueError(f"{vehicle.name}: Hull.mesh is given; ask exumob.water.mesh_file.mesh_wheel_gap.")
+    return least_gap(vehicle.hull, vehicle.axles)
+
+
+def touch_message(vehicle: Vehicle, what: str, touch: WheelGap) -> str:
+    """Return the error about a tyre that enters the body, which `what` names."""
+    remedy = "move the wheels out (Vehicle.track), give a narrower body (Hull.width), less travel"
+    if touch.angle:
+        remedy += f", or less steering (Steering.limit = {math.degrees(vehicle.steering.limit):.3g} deg)"
+    arches = "larger wheel arches" if vehicle.hull.mesh or vehicle.hull.wheel_arches else "Hull.wheel_arches"
+    return (
+        f"{what}: {vehicle.name} with Vehicle.track = {vehicle.track:g} m lets a tyre enter the body: {touch}, "
+        f"{-1e3 * touch.gap:.1f} mm deep. Give it {arches}, or {remedy}."
+    )
+
+
 def _ackermann(command: Motion, ratio: float) -> Motion:
     """Motion of a front wheel at y = ratio * wheelbase: cot(wheel) = cot(command) - ratio."""
     angle, rate, acceleration = command
@@ -363,9 +214,3 @@ def _ackermann(command: Motion, ratio: float) -> Motion:
     slope = 1.0 / norm  # d wheel / d command
     curvature = -2.0 * (s * c - x * (s + ratio * c)) / norm**2
     return math.atan2(s, x), slope * rate, slope * acceleration + curvature * rate**2
-
-
-def box_inertia(mass: float, length: float, width: float, height: float) -> Array:
-    """Return the inertia tensor of a uniform box about its centre [kg m^2], shape (3, 3)."""
-    x2, y2, z2 = length**2, width**2, height**2
-    return mass / 12.0 * np.diag([y2 + z2, x2 + z2, x2 + y2])

@@ -67,6 +67,8 @@ class ModelParameters(NamedTuple):
     """Ratios b/a and added-mass coefficients of the hull's sections [-], shape (2, n)"""
     rigid_masses: Array
     """Mass (three times) and principal moments of inertia of each body [kg, kg m^2], shape (5, 6)"""
+    frontal_share: float
+    """Share of the hull's areas across its x axis that is not in the shade of others (`frontal_share`) [-]"""
     pore_pressure: bool
     """True: the water's pressure acts below the soil surface too"""
     added_mass: bool
@@ -174,8 +176,9 @@ def evaluate_wrenches(
         build_up *= build_up * (3.0 - 2.0 * build_up)
         for cell in range(area_moments.shape[0]):
             for k in range(3):
+                share = build_up * (model.frontal_share if body == 0 and k == 0 else 1.0)
                 for i in range(4):
-                    area_moments[cell, k, i] *= build_up
+                    area_moments[cell, k, i] *= share
         _add_drag(
             area_moments, model.drag_coefficients[body], panels.strip_beams, model, relative_velocity, angular_velocity,
             parts[DRAG, body],

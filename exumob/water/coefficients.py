@@ -23,6 +23,7 @@ from exumob.support.arrays import Array
 from exumob.support.checks import require_positive
 from exumob.support.declared import Declared, checked
 from exumob.support.quantities import Quantity
+from exumob.vehicle.body import is_plain
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficient_kernels import (
@@ -36,7 +37,7 @@ from exumob.water.coefficient_kernels import (
 )
 from exumob.water.conditions import Water
 from exumob.water.hydrostatics import WET_INTEGRALS, clipping_space, wet_integrals
-from exumob.water.wetted_surface import Surface, body_surfaces
+from exumob.water.wetted_surface import Surface, body_surfaces, frontal_share
 
 Table = tuple[tuple[float, float], ...]
 COEFFICIENT = Quantity("1", at_least=0.0, at_most=100.0, remedy="coefficients refer to the wetted area; give a number.")
@@ -179,6 +180,7 @@ class CoefficientHydrodynamics:
             sway_drag=_columns(chosen.hull_sway_drag),
             section_added_mass=_columns(chosen.section_added_mass),
             rigid_masses=_rigid_masses(vehicle),
+            frontal_share=1.0 if is_plain(vehicle.hull) else frontal_share(surfaces[0]),
             pore_pressure=bool(self.pore_pressure),
             added_mass=bool(self.added_mass),
         )

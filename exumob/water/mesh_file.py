@@ -16,7 +16,8 @@ import numpy as np
 
 from exumob.support.arrays import Array, checked_array
 from exumob.vehicle.motion import WHEELS
-from exumob.vehicle.parameters import Hull, Vehicle
+from exumob.vehicle.parameters import Hull, Vehicle, touch_message
+from exumob.vehicle.wheel_room import WheelGap, gap_to
 from exumob.water.mesh_lines import lines_through
 
 LINES = 200
@@ -61,7 +62,8 @@ def hull_mesh(vehicle: Vehicle) -> Array:
     Raises
     ------
     ValueError
-        As `mesh_triangles`; or if the mesh does not agree with the hull's sizes and place, or holds a tyre.
+        As `mesh_triangles`; or if the mesh does not agree with the hull's sizes and place, or a tyre enters it on its
+        way.
     """
     if vehicle.hull.mesh is None:
         raise ValueError(f"{vehicle.name}: Hull.mesh is None; there is no mesh to read.")
@@ -284,7 +286,21 @@ def _checked_mesh(vehicle: Vehicle, digest: str) -> Array:
     triangles = _read(vehicle.hull.mesh, digest)
     check_extent(vehicle.hull, triangles.reshape(-1, 3))
     _require_free_tyres(vehicle, triangles)
+    touch = gap_to(triangles, vehicle.axles)
+    if touch.gap < 0.0:
+        raise ValueError(touch_message(vehicle, f"Hull.mesh = {vehicle.hull.mesh}", touch))
     return triangles
+
+
+def mesh_wheel_gap(vehicle: Vehicle) -> WheelGap:
+    """Return where a tyre comes closest to a hull's mesh, on all ways that steering and suspension allow.
+
+    Raises
+    ------
+    ValueError
+        As `hull_mesh`: also if a tyre enters the mesh.
+    """
+    return gap_to(hull_mesh(vehicle), vehicle.axles)
 
 
 def check_extent(hull: Hull, points: Array) -> None:

@@ -15,8 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from exumob.support.arrays import Array, checked_array
 from exumob.support.declared import checked
 from exumob.support.quantities import Quantity
+from exumob.vehicle.body import body_faces, is_plain, triangulated, with_shared_corners
 from exumob.vehicle.parameters import Vehicle
-from exumob.water.mesh_file import hull_mesh
+from exumob.water.mesh_file import LINES, hull_mesh
+from exumob.water.mesh_lines import lines_through
 
 HULL_STRIPS = 12
 """Strips along the hull; each is split at the centre plane into a port and a starboard cell."""
@@ -118,14 +120,17 @@ def cylinder_surface(
 
 
 def hull_triangles(vehicle: Vehicle) -> Array:
-    """Return the surface of the hull, box or mesh, about its centre of mass: triangles [m], shape (n, 3, 3).
+    """Return the surface of the hull, boxes or mesh, about its centre of mass: triangles [m], shape (n, 3, 3).
+
+    It is closed: neighbouring triangles share their corners to the last bit.
 
     Raises
     ------
     ValueError
         If the hull's mesh cannot be used: see `exumob.water.mesh_file`.
     """
-    return _triangulated(_hull_faces(vehicle))
+    faces = _hull_faces(vehicle, shared_corners=True)
+    return _triangulated(faces) if vehicle.hull.mesh is not None else triangulated(faces)
 
 
 def hull_surface(vehicle: Vehicle) -> Surface:
@@ -148,10 +153,16 @@ def hull_surface(vehicle: Vehicle) -> Surface:
     return Surface(triangles, 2 * strips.astype(np.int64) + (middle[:, 1] > 0.0), 2 * HULL_STRIPS)
 
 
-def _hull_faces(vehicle: Vehicle) -> list[Array]:
-    """Convex faces of the hull about its centre of mass [m]."""
+def _hull_faces(vehicle: Vehicle, shared_corners: bool = False) -> list[Array]:
+    """Convex faces of the hull about its centre of mass [m]; neighbours share all their corners only if asked for."""
     hull = vehicle.hull
-    faces = _prism_faces(hull.side_profile(), hull.width) if hull.mesh is None else list(hull_mesh(vehicle))
+    if hull.mesh is not None:
+        faces = list(hull_mesh(vehicle))
+    elif is_plain(hull):
+        faces = _prism_faces(hull.side_profile(), hull.width)
+    else:
+        faces = list(body_faces(hull, vehicle.axles))
+        faces = with_shared_corners(faces) if shared_corners else faces
     return [face - vehicle.hull_origin for face in faces]
 
 
@@ -164,6 +175,25 @@ def body_surfaces(vehicle: Vehicle) -> tuple[Surface, Surface, Surface, Surface,
     """Return the surfaces of the five bodies, order of `exumob.vehicle.motion.BODIES`."""
     wheel = wheel_surface(vehicle)
     return hull_surface(vehicle), wheel, wheel, wheel, wheel
+
+
+def frontal_share(surface: Surface) -> float:
+    """Return the frontal area of a surface over half of all areas across its x axis [-], both of its lower half.
+
+    It is 1 for a box, and less where parts lie in the shade of others, such as the front and rear walls of wheel
+    arches: these count for the pressure of still water, but the stream does not meet them. The frontal area is measured
+    on a grid of lines; that of a surface of upright and level edges is exact but for half of their spacing.
+    """
+    corners = surface.triangles.reshape(-1, 3)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    high[2] = 0.5 * (low[2] + high[2])
+    y, z = (low[k] + (high[k] - low[k]) * (np.arange(LINES) + 0.5137) / LINES for k in (1, 2))
+    seen = lines_through(surface.triangles, 0, y, z, -np.inf, np.inf).enclosed > 0.0
+    pieces = _triangulated(_split_at_plane(list(surface.triangles), axis=2, position=float(high[2])))
+    pieces = pieces[pieces.mean(axis=1)[:, 2] < high[2]]
+    edges = pieces[:, 1:] - pieces[:, :1]
+    facing = 0.25 * float(np.abs(np.cross(edges[:, 0], edges[:, 1])[:, 0]).sum())
+    return min(1.0, float(seen.mean() * np.prod(high[1:] - low[1:])) / facing)
 
 
 def strip_edges(points: Array) -> Array:

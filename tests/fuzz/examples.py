@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from exumob import (
+    Box,
     CoefficientHydrodynamics,
     ConstantSteer,
     Hull,
@@ -24,6 +25,7 @@ from exumob import (
     Vehicle,
     Water,
     Wheel,
+    WheelArches,
     Wishbones,
 )
 from exumob.coupling.explicit import Explicit
@@ -42,18 +44,19 @@ from exumob.sweeps.sampling import Choice, Distribution, LogNormal, Normal, Tria
 from exumob.towing_tank.motion import CaptiveMotion, PrescribedMotion
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
+from vehicle_models.small_car import small_car
 
 from .odd_values import Given
 from .strategies import EXAMPLES
 
-VEHICLES = (amphibious_vehicle, light_4x4)
+VEHICLES = (amphibious_vehicle, light_4x4, small_car)
 RAMP = ([0.1 * n for n in range(11)], [0.0] * 11, [10.0 * smooth_step(0.1 * n)[0] for n in range(11)])
 """Times [s], steering angles [rad] and wheel speeds [rad/s] of a recorded maneuver"""
 
 
 def _examples() -> dict[Any, list[tuple[str, Any]]]:
-    rigid, light = amphibious_vehicle(), light_4x4()
-    both = (("amphibious", rigid), ("light 4x4", light))
+    rigid, light, car = amphibious_vehicle(), light_4x4(), small_car()
+    both = (("amphibious", rigid), ("light 4x4", light), ("small car", car))
     wishbones = [v.suspension.wishbones for _, v in both if v.suspension.wishbones is not None]
     wishbones += [Wishbones(0.15, 0.18, 0.05, 0.06, 0.06, 0.1)]
     maneuvers = [
@@ -72,6 +75,8 @@ def _examples() -> dict[Any, list[tuple[str, Any]]]:
         Suspension: [(f"{n} suspension", v.suspension) for n, v in both],
         Steering: [(f"{n} steering", v.steering) for n, v in both],
         Wishbones: [("wishbones", w) for w in wishbones],
+        Box: [("cabin", box) for box in car.hull.boxes],
+        WheelArches: [("WheelArches()", WheelArches()), ("square arches", WheelArches(0.02, 0.2, 0.2, 0.4, 2))],
         Soil: [(row.name, row.soil) for row in Soil.published_table()],
         Water: [("D60/U1", Water(0.12, 1.0)), ("still", Water(0.05)), ("sea", Water(1.0, 0.5, 1.0, 1025.0))],
         Terrain: [("flat", Terrain()), ("slope", Terrain.slope(0.1))],

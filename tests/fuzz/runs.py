@@ -78,7 +78,7 @@ def terrain(rng: np.random.Generator, size: float) -> Terrain:
 def scene(number: int) -> dict[str, Any]:
     """Arguments of `simulate`; each number gives others."""
     rng = np.random.default_rng(number)
-    vehicle = varied(rng, VEHICLES[number % 2]())
+    vehicle = varied(rng, VEHICLES[number % len(VEHICLES)]())
     soil = SOILS[rng.integers(len(SOILS))]
     if rng.random() < 0.5:
         soil = varied(rng, soil, 0.4, 2.0)

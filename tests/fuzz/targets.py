@@ -27,6 +27,7 @@ from hypothesis import strategies as st
 import exumob
 from exumob.support.declared import Declared
 from exumob.support.provenance import parameters_json
+from exumob.vehicle.body import body_faces
 
 from . import examples
 from .odd_values import ODD, Given, plain
@@ -177,6 +178,8 @@ def verify_object(thing: Any) -> None:
     if isinstance(thing, exumob.Vehicle):
         finite("Vehicle.steering_angles", thing.steering_angles((thing.steering.limit, 0.1, 0.1)))
         finite("Hull.side_profile", thing.hull.side_profile())
+        if thing.hull.mesh is None:
+            finite("body_faces", np.concatenate(body_faces(thing.hull, thing.axles)))
     if hasattr(thing, "quantile"):
         found = np.asarray(thing.quantile(np.array([1e-12, 0.1, 0.5, 0.9, 1.0 - 1e-12])))
         if found.dtype.kind == "f":

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from exumob.support.constants import GRAVITY
+from exumob.vehicle.hull import WheelArches
 from exumob.vehicle.motion import BODIES, BodyStates
 from exumob.vehicle.vehicle_file import load_vehicle
 from exumob.water.coefficient_kernels import FILTER_STEPS, filter_time
@@ -70,6 +71,23 @@ def drag(vehicle, water, states, **options):
 
 
 # --- drag -------------------------------------------------------------------------------------------------------------
+
+
+def test_surge_drag_is_that_of_the_frontal_area_with_wheel_arches_or_without(boxy):
+    """Square arches high enough to stand out of the water: eight walls that meet no stream; sway and heave stay."""
+    straight = dataclasses.replace(boxy.steering, limit=0.0)
+    hull = dataclasses.replace(boxy.hull, width=0.7, height=0.4, center_of_mass_height=0.2)
+    wide = dataclasses.replace(boxy, hull=hull, steering=straight, track=0.8)
+    arched = dataclasses.replace(
+        wide, hull=dataclasses.replace(hull, wheel_arches=WheelArches(ahead=0.04, above=0.1, inboard=0.1, corners=2))
+    )
+    flow = Water(hull.ground_clearance + 0.2)  # up to the middle of the hull
+    states = standing(wide, velocity=[0.7, 0.0, 0.0])
+    plain, cut = (drag(v, flow, states)[0] for v in (wide, arched))
+    assert plain[0] == pytest.approx(-0.5 * 1000.0 * 0.81 * 0.7 * 0.2 * 0.7**2, rel=1e-9)
+    assert cut[0] == pytest.approx(plain[0], rel=1e-9)
+    aside = standing(wide, velocity=[0.0, 0.7, 0.0])
+    assert drag(arched, flow, aside)[0, 1] == pytest.approx(drag(wide, flow, aside)[0, 1], rel=0.05)
 
 
 @pytest.mark.parametrize("speed", [0.3, 1.0])

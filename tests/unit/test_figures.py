@@ -80,7 +80,7 @@ def test_animation_keeps_the_whole_vehicle_in_both_views(short_run, path):
     for index in (0, 10, 20):
         scene.frame(index)
         assert all(inside(scene.top, patch.get_xy()) for patch in scene.outlines)
-        assert inside(scene.side, scene.profile.get_xy())
+        assert all(inside(scene.side, part.get_xy()) for part in scene.profile)
         for rim in scene.rims:
             assert inside(scene.side, np.array(rim.center) + scene.radius * np.array([[-1.0, 0.0], [1.0, 0.0]]))
     plt.close(figure)

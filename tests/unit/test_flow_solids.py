@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 
 from exumob.flow import box, cylinder, hull_prism, mesh_solid, sphere
+from exumob.flow.solids import PRISM, SAMPLED, vehicle_solids
+from exumob.vehicle.body import arch_of
 from exumob.vehicle.parameters import Hull
-from exumob.water.wetted_surface import box_surface
+from exumob.water.mesh_lines import signed_distances
+from exumob.water.wetted_surface import box_surface, hull_triangles
+from vehicle_models.amphibious import amphibious_vehicle
+from vehicle_models.small_car import small_car
 
 HULL = Hull(
     mass=49.0, length=1.0, width=0.44, height=0.2, ground_clearance=0.078, center_of_mass_height=0.17, bow_length=0.12,
@@ -51,3 +56,34 @@ def test_an_unsound_mesh_is_refused():
         mesh_solid(triangles[1:], spacing=0.01)
     with pytest.raises(ValueError, match="mesh_solid consists of 2 closed bodies"):
         mesh_solid(np.concatenate([triangles, triangles + 0.05]), spacing=0.01)
+
+
+def test_a_hull_with_arches_is_a_solid_with_room_for_its_wheels():
+    """Sampled at half a cell: within a sample's diagonal of the closed surface, and open where the tyres are."""
+    vehicle = small_car()
+    cell = 0.08
+    hull, wheel, *_ = vehicle_solids(vehicle, cell)
+    assert hull.shape.kind == SAMPLED and wheel.shape.kind != SAMPLED
+    low, high = (end - vehicle.hull_origin for end in vehicle.hull.extent)
+    assert hull.low == pytest.approx(low) and hull.high == pytest.approx(high)
+    for center, axle in zip(vehicle.wheel_centers, np.repeat([0, 1], 2), strict=True):
+        arch = arch_of(vehicle.hull.wheel_arches, vehicle.axles[axle])
+        side = math.copysign(1.0, center[1])
+        wall = np.array([center[0], side * arch.inner, 0.35])
+        aside = np.array([0.0, 0.1 * side, 0.0])
+        places = np.array([center, wall + aside, wall - aside]) - vehicle.hull_origin
+        at_center, in_arch, in_body = hull.distance(places)
+        assert at_center > 0.08 and in_arch == pytest.approx(0.1, abs=cell) and in_body == pytest.approx(-0.1, abs=cell)
+    rng = np.random.default_rng(2)
+    points = rng.uniform(low - 0.1, high + 0.1, (400, 3))
+    found = hull.distance(points)
+    exact = signed_distances_at(hull_triangles(vehicle), points)
+    assert np.abs(found - exact)[np.abs(exact) < 0.3].max() < 0.5 * cell
+
+
+def signed_distances_at(triangles, points):
+    return np.array([float(signed_distances(triangles, *(np.array([c]) for c in p))[0, 0, 0]) for p in points])
+
+
+def test_a_plain_hull_stays_a_prism():
+    assert vehicle_solids(amphibious_vehicle(), 0.02)[0].shape.kind == PRISM

@@ -11,7 +11,7 @@ from exumob.simulation.water_models import hydrodynamics_named
 from exumob.surrogates.networks import geometry
 from exumob.water.conditions import Water
 from exumob.water.hydrostatics import hydrostatic_wrench
-from exumob.water.mesh_file import mesh_digest, mesh_triangles
+from exumob.water.mesh_file import mesh_digest, mesh_triangles, mesh_wheel_gap
 from exumob.water.mesh_lines import lines_through
 from exumob.water.wetted_surface import Surface, hull_surface, hull_triangles
 
@@ -200,9 +200,27 @@ def test_a_body_over_the_wheels_is_a_mesh_with_arches(vehicle, tmp_path):
     hull = dataclasses.replace(vehicle.hull, width=0.7)
     with pytest.raises(ValueError, match=r"tyres .* inside the hull, a box; .*Hull\.mesh.* with wheel arches"):
         dataclasses.replace(vehicle, hull=hull)
-    high, low = box((1.0, 0.7, 0.07), (0.0, 0.0, 0.243)), box((1.0, 0.44, 0.13), (0.0, 0.0, 0.143))
+    high, low = box((1.0, 0.7, 0.05), (0.0, 0.0, 0.253)), box((1.0, 0.44, 0.15), (0.0, 0.0, 0.153))
     arched = dataclasses.replace(vehicle, hull=dataclasses.replace(hull, mesh=saved(joined(high, low), tmp_path)))
-    assert hull_surface(arched).volume == pytest.approx(0.7 * 0.07 + 0.44 * 0.13, rel=1e-6)
+    assert hull_surface(arched).volume == pytest.approx(0.7 * 0.05 + 0.44 * 0.15, rel=1e-6)
+    assert mesh_wheel_gap(arched).gap == pytest.approx(0.228 - 0.22, abs=2e-4)  # under the roof, in full bump
+
+
+@pytest.mark.parametrize(
+    ("high", "width", "message"),
+    [
+        (0.215, 0.44, r"the (front|rear) (left|right) tyre.*, 20 mm up, at .* 5\.0 mm deep.*larger wheel arches"),
+        (0.228, 0.50, r"front (left|right) tyre steered [+-]35\.0 deg, .* mm deep.*Steering\.limit = 35 deg"),
+    ],
+)
+def test_tyres_must_not_enter_a_mesh_on_their_way(vehicle, high, width, message, tmp_path):
+    """Clear at ride height and straight ahead; a roof that is too low, a body that is too wide between the wheels."""
+    hull = dataclasses.replace(vehicle.hull, width=0.7)
+    upper = box((1.0, 0.7, 0.278 - high), (0.0, 0.0, 0.5 * (0.278 + high)))
+    lower = box((1.0, width, high - 0.078), (0.0, 0.0, 0.5 * (high + 0.078)))
+    mesh = saved(joined(upper, lower), tmp_path)
+    with pytest.raises(ValueError, match=message):
+        hull_triangles(dataclasses.replace(vehicle, hull=dataclasses.replace(hull, mesh=mesh)))
 
 
 def test_two_halves_lift_as_the_whole(vehicle, tmp_path):

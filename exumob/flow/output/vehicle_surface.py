@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Sequence
-from pathlib import Path
 
 import xarray as xr
 
 from exumob.support.arrays import Array
-from exumob.vehicle.parameters import Hull, Steering, Suspension, Vehicle, Wheel, Wishbones
+from exumob.vehicle.parameters import Vehicle
+from exumob.vehicle.stored import vehicle_from
 from exumob.water.wetted_surface import cylinder_surface, hull_surface
 
 logger = logging.getLogger(__name__)
@@ -35,18 +35,9 @@ def placed(triangles: Sequence[Array], position: Array, rotation: Array) -> list
 
 def stored_vehicle(dataset: xr.Dataset) -> Vehicle:
     """Rebuild the vehicle of a result from its attribute ``parameters``; its box, if the hull's mesh is missing."""
-    stored = dict(next(iter(json.loads(dataset.attrs["parameters"])["vehicle"].values())))
-    hull = stored["hull"]
-    for name, make in (("mesh", Path), ("inertia", tuple)):
-        hull[name] = None if hull[name] is None else make(hull[name])
-    if hull["mesh"] is not None and not hull["mesh"].is_file():
-        logger.warning("the hull's mesh %s is not there any more; its box is drawn", hull["mesh"])
-        hull["mesh"] = None
-    wheel = stored["wheel"]
-    wheel["inertia"] = None if wheel["inertia"] is None else tuple(wheel["inertia"])
-    stored |= {"hull": Hull(**hull), "wheel": Wheel(**wheel), "steering": Steering(**stored["steering"])}
-    for axle in ("suspension", "rear_suspension"):
-        if (values := stored[axle]) is not None:
-            arms = values["wishbones"]
-            stored[axle] = Suspension(**{**values, "wishbones": None if arms is None else Wishbones(**arms)})
-    return Vehicle(**stored)
+    vehicle = vehicle_from(next(iter(json.loads(dataset.attrs["parameters"])["vehicle"].values())))
+    mesh = vehicle.hull.mesh
+    if mesh is not None and not mesh.is_file():
+        logger.warning("the hull's mesh %s is not there any more; its box is drawn", mesh)
+        object.__setattr__(vehicle.hull, "mesh", None)  # not `replace`: nothing is checked anew
+    return vehicle
