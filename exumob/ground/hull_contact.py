@@ -18,8 +18,8 @@ A hull is long beside the shear modulus K, so that in steady sliding the strengt
 and starting. As for a locked tyre, slow motion mobilises it in proportion to speed: j = |v_t| / w0, w0 the standstill
 rate, so that a hull at rest creeps, at a small share of w0 K while the load is a small share of the strength. The
 compaction is mobilised alike, by u / w0. K is the geometric mean of K_x and K_y, and the resultant is limited, not each
-axis: a hull has no preferred direction. Adhesion builds up with the pressure, a = 1 - exp(-p d / c), because a hull that
-barely touches must not be held: where pressure is low beside c the shear per normal stress is 1 + tan(phi) at most.
+axis: a hull has no preferred direction. Adhesion builds up with the pressure, a = 1 - exp(-p d / c): the force does not
+jump at touch-down, and where the pressure is low beside c the shear is at most 1 + tan(phi) times the normal stress.
 
 Energy: bearing and couple derive from the potential sum of A b(f) P(z), over a plane exactly; damping, compaction and
 shear never have positive power. So over a plane the contact gives back at most what was stored in it, and after a
@@ -47,10 +47,12 @@ from exumob.support.declared import checked
 from exumob.support.kernels import njit
 from exumob.support.quantities import Quantity
 
-POINTS_ALONG = 20
-"""Points along the hull at least; `tests/physics/test_hull_contact.py` measures what more would change."""
+POINTS_ALONG = 40
+"""Points along the hull at least; `tests/physics/test_hull_on_ground.py` measures what more would change."""
 MOST_ALONG = 100
 """Points along it at most, however fine the terrain is."""
+UPRIGHT = 0.3
+"""Vertical part of the normal up to which a face is an upright one: a bow, a stern or a side."""
 FACING = 0.1
 """Sine of the angle to the upright up to which a face bears less than the area it covers."""
 ONSET = 1e-3
@@ -110,9 +112,10 @@ def hull_contact(
     """Spread points over the downward and upright faces of a hull.
 
     The faces are cut along planes a distance apart that is at most the hull's length over `points_along`, and at most
-    that of the terrain's points (but not less than `MOST_ALONG` points along the hull ask for); near the keel, four
-    times as fine in height. The pieces of a cell that face alike are one point, with their area and centre: areas and
-    their first moments are exact, and a hull that is its own mirror image gets points that are.
+    that of the terrain's points (but not less than `MOST_ALONG` points along the hull ask for). Upright faces are cut
+    at twice the distance, and in height into four layers of a quarter of it above the keel, then into thicker ones. The
+    pieces of a cell that face alike are one point, with their area and centre: areas and their first moments are exact,
+    and a hull that is its own mirror image gets points that are.
 
     Parameters
     ----------
@@ -140,17 +143,19 @@ def hull_contact(
     if terrain.heights is not None:
         assert isinstance(terrain.spacing, tuple)
         spacing = min(spacing, max(min(terrain.spacing), length / MOST_ALONG))
-    along, across = (_planes(low[k], high[k], spacing) for k in (0, 1))
-    up = low[2] + spacing * np.concatenate([[0.25, 0.5, 0.75], np.arange(1.0, extent[2] / spacing)])
-    pieces = surface[kept]
-    for axis, places in enumerate((along, across, up)):
-        for place in places:
-            pieces = _cut(pieces, axis, place)
-    points = _merged(pieces, (along, across, up))
-    bottom = points[points["normal"][:, 2] < -0.5]["position"]
+    layers = low[2] + spacing * np.array([0.25, 0.5, 0.75, *2.0 ** np.arange(0.0, math.log2(extent[2] / spacing))])
+    looks_down = kept & (vectors[:, 2] < -UPRIGHT * areas)
+    parts = []
+    for faces, apart, levels in ((looks_down, spacing, layers[:0]), (kept & ~looks_down, 2.0 * spacing, layers)):
+        planes = (_planes(low[0], high[0], apart), _planes(low[1], high[1], apart), levels)
+        pieces = surface[faces]
+        for axis, places in enumerate(planes):
+            pieces = _cut_along(pieces, axis, places)
+        parts.append(_merged(pieces, planes))
+    points = np.concatenate(parts)
     size = np.zeros(1, HULL_SIZE)
-    sides = np.ptp(bottom[:, :2], axis=0) + spacing if len(bottom) else extent[:2]
-    size["width"] = min(*np.minimum(sides, extent[:2]))
+    bottom = surface[looks_down if looks_down.any() else kept]
+    size["width"] = np.ptp(bottom.reshape(-1, 3)[:, :2], axis=0).min()
     size["radius"] = np.linalg.norm(points["position"], axis=1).max()
     size["steepness"] = math.sqrt(1.0 + _steepest(terrain) ** 2)
     return HullContact(points, size, np.zeros(1, WATCH))
@@ -161,6 +166,18 @@ def _planes(low: float, high: float, spacing: float) -> Array:
     count = math.ceil((high - low) / spacing - 1e-9)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     return np.array([middle + half * (2 * i - count) / count for i in range(1, count)])
+
+
+def _cut_along(triangles: Array, axis: int, places: Array) -> Array:
+    """Cut triangles along parallel planes in ascending order, the middle one first."""
+    if len(places) == 0 or len(triangles) == 0:
+        return triangles
+    middle = len(places) // 2
+    pieces = _cut(triangles, axis, places[middle])
+    below = pieces[:, :, axis].mean(axis=1) < places[middle]
+    return np.concatenate(
+        [_cut_along(pieces[below], axis, places[:middle]), _cut_along(pieces[~below], axis, places[middle + 1 :])]
+    )
 
 
 def _cut(triangles: Array, axis: int, place: float) -> Array:
@@ -194,11 +211,9 @@ def _merged(pieces: Array, planes: tuple[Array, Array, Array]) -> np.ndarray:
     areas = np.linalg.norm(vectors, axis=1)
     pieces, vectors, areas = pieces[areas > 0.0], vectors[areas > 0.0], areas[areas > 0.0]
     middles = pieces.mean(axis=1)
-    sizes = np.abs(vectors)
-    facing = np.where(sizes[:, 2] > 0.99 * sizes.max(axis=1), 2, sizes.argmax(axis=1))  # no tie by rounding
-    side = np.take_along_axis(vectors, facing[:, None], axis=1)[:, 0] > 0.0
-    keys = [np.searchsorted(places, middles[:, axis]) for axis, places in enumerate(planes)]
-    _, cell = np.unique(np.stack([*keys, facing, side], axis=1), axis=0, return_inverse=True)
+    facing = np.round(2.1 * vectors / areas[:, None]).astype(np.int64)  # within about 25 degrees
+    cells = np.stack([np.searchsorted(places, middles[:, axis]) for axis, places in enumerate(planes)], axis=1)
+    _, cell = np.unique(np.concatenate([cells, facing], axis=1), axis=0, return_inverse=True)
     cell = cell.ravel()
     total = np.bincount(cell, areas)
     points = np.zeros(len(total), HULL_POINT)

@@ -47,7 +47,7 @@ def test_stuck_on_slippery_soil(vehicle, sand):
 def test_afloat(vehicle, sand):
     run = simulate(vehicle, sand, Water(0.5), AHEAD, "coefficients", duration=0.6)
     found = verdict_on(run)
-    assert found.sentence == "afloat since 0.00 s: 0 % of the weight on the wheels"
+    assert found.sentence == "afloat since 0.00 s: 0 % of the weight on the ground"
     assert run["slip_ratio"].isnull().all()
     assert math.isnan(summary(run)["mean_slip"])
 

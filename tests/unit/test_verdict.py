@@ -84,7 +84,7 @@ def test_sentences_name_what_was_measured():
         return judge(made_up_run(**CASES[name])).sentence
 
     assert sentence("stuck") == "stuck since 3.00 s: 1 % of the speed of its tyres"
-    assert sentence("afloat") == "afloat since 3.00 s: 3 % of the weight on the wheels"
+    assert sentence("afloat") == "afloat since 3.00 s: 3 % of the weight on the ground"
     assert sentence("tipped to the side") == "tipped since 3.00 s: tilted by 52 degrees"
     assert sentence("submerged") == "submerged since 3.00 s: the hull's top is 0.122 m under water"
     assert sentence("sunk") == "sunk since 3.00 s: a wheel is 95 % of its radius in the soil"
