@@ -212,9 +212,12 @@ def _merged(pieces: Array, planes: tuple[Array, Array, Array]) -> np.ndarray:
     pieces, vectors, areas = pieces[areas > 0.0], vectors[areas > 0.0], areas[areas > 0.0]
     middles = pieces.mean(axis=1)
     facing = np.round(2.1 * vectors / areas[:, None]).astype(np.int64)  # within about 25 degrees
-    cells = np.stack([np.searchsorted(places, middles[:, axis]) for axis, places in enumerate(planes)], axis=1)
-    _, cell = np.unique(np.concatenate([cells, facing], axis=1), axis=0, return_inverse=True)
-    cell = cell.ravel()
+    key = np.zeros(len(pieces), dtype=np.int64)
+    for axis, places in enumerate(planes):
+        key = key * (len(places) + 1) + np.searchsorted(places, middles[:, axis])
+    for axis in range(3):
+        key = 5 * key + facing[:, axis] + 2
+    _, cell = np.unique(key, return_inverse=True)
     total = np.bincount(cell, areas)
     points = np.zeros(len(total), HULL_POINT)
     for axis in range(3):

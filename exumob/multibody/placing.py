@@ -50,7 +50,7 @@ def standing_pose(vehicle: Vehicle, terrain: Terrain, hull_points: Array | None 
         centers = np.array([0.0, 0.0, height]) + vehicle.wheel_centers @ rotation.T
         gaps = np.array([_above_contact(vehicle.wheel.radius, terrain, center) for center in centers])
     lowest = min(gaps.min(), 0.0)
-    if hull_points is not None:
+    if hull_points is not None and terrain.heights is not None:  # at ride height it is clear of a plane
         placed = np.array([0.0, 0.0, height]) + hull_points @ rotation.T
         lowest = min([lowest, *(z - terrain.height_and_normal(x, y)[0] for x, y, z in placed)])
     return np.array([0.0, 0.0, height - lowest]), rotation

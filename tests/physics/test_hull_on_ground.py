@@ -25,13 +25,13 @@ from exumob.water.wetted_surface import box_surface, hull_triangles
 
 BOX = box_surface(1.0, 0.5, 0.2).triangles
 STILL = ConstantSteer(speed=0.0)
-SPIN = ConstantSteer(speed=6.0)
+SPIN = ConstantSteer(speed=6.0, start_speed=6.0)
 
 
 def ridge(height, width):
-    """A ridge across the way, its crest at x = 1.2 m."""
+    """A ridge across the way, its crest at x = 0.9 m."""
     x = np.arange(-2.0, 5.001, 0.05)
-    heights = np.broadcast_to(height * np.exp(-(((x - 1.2) / width) ** 2)), (2, len(x)))
+    heights = np.broadcast_to(height * np.exp(-(((x - 0.9) / width) ** 2)), (2, len(x)))
     return Terrain(heights=heights, origin=(-2.0, -2.0), spacing=(0.05, 4.0))
 
 
@@ -77,7 +77,7 @@ def test_a_flat_belly_sinks_as_a_plate(name, sinkage, form):
     ],
 )  # fmt: skip
 def test_a_tilted_belly_bears_the_integral_of_the_pressure(sand, pitch, roll, slope, height, tolerance):
-    """Bearing along the ground's normal against adaptive quadrature over the bottom; faces at its sides bear nothing."""
+    """Bearing along the ground's normal against adaptive quadrature over the bottom; the sides are left out."""
     terrain = Terrain(slope_x=slope)
     matrix = Rotation.from_euler("ZYX", [0.0, pitch, roll]).as_matrix()
     normal = np.array([-slope, 0.0, 1.0]) / math.hypot(1.0, slope)
@@ -109,8 +109,8 @@ def test_a_bow_is_held_by_the_work_of_compaction(sand):
 
 
 POSES = {
-    # terrain, yaw pitch roll, height, tolerance of 40 points along the hull against 160
-    "level": (Terrain(), (0, 0, 0), 0.082, 0.01), "pitched": (Terrain(), (0, 0.026, 0), 0.09, 0.01),
+    # terrain, yaw pitch roll, height, tolerance of 40 points along the hull against 120
+    "level": (Terrain(), (0, 0, 0), 0.082, 0.02), "pitched": (Terrain(), (0, 0.026, 0), 0.09, 0.02),
     "rolled": (Terrain(), (0.3, 0.087, 0.035), 0.1, 0.02), "bow up": (Terrain(slope_x=0.2), (0, -0.1, 0), 0.1, 0.02),
     "ridge": (ridge(0.1, 0.2), (0, 0, 0), 0.18, 0.03), "skew": (ridge(0.1, 0.2), (0.2, -0.1, 0), 0.19, 0.03),
 }  # fmt: skip
@@ -118,16 +118,16 @@ POSES = {
 
 @pytest.mark.parametrize("pose", POSES)
 def test_more_points_change_little(pose, vehicle, sand):
-    """The force on the sliding hull, 40 points along it against 160: 1 to 2 % on planes, 3 % on a sharp crest."""
+    """The force on the sliding hull, 40 points along it against 120: 2 % on planes, 3 % on a sharp crest."""
     terrain, angles, height, tolerance = POSES[pose]
-    place = (1.25 if terrain.heights is not None else 0.0, 0.0, height)
+    place = (0.95 if terrain.heights is not None else 0.0, 0.0, height)
     matrix = Rotation.from_euler("ZYX", angles).as_matrix()
     forces = [
         hull_soil_forces(
             sand, terrain, hull_contact(hull_triangles(vehicle), terrain, points_along=count), place, matrix,
             (0.5, 0.1, 0.0),
         )["force"]
-        for count in (40, 160)
+        for count in (40, 120)
     ]  # fmt: skip
     assert np.linalg.norm(forces[1]) > 100.0
     assert np.linalg.norm(forces[0] - forces[1]) < tolerance * np.linalg.norm(forces[1])
@@ -204,20 +204,20 @@ def test_it_holds_on_what_is_flatter(vehicle, frictional):
 @pytest.fixture(scope="module")
 def hanging(vehicle, sand):
     """Over a ridge that is higher than its clearance, and sharp."""
-    return simulate(vehicle, sand, maneuver=SPIN, duration=4.6, terrain=ridge(0.14, 0.3))
+    return simulate(vehicle, sand, maneuver=SPIN, duration=3.5, terrain=ridge(0.14, 0.3))
 
 
 def test_it_hangs_on_a_ridge_with_its_wheels_spinning(hanging):
-    late = hanging.sel(time=slice(4.0, None))
+    late = hanging.sel(time=slice(3.0, None))
     assert hanging.attrs["verdict"] == "bottomed"
     assert "% of the weight on the hull" in hanging.attrs["verdict_sentence"]
     assert "the hull first touched the ground at" in hanging.attrs["verdict_sentence"]
-    assert 2.9 < hanging.attrs["verdict_since"] < 3.7
+    assert 1.9 < hanging.attrs["verdict_since"] < 2.5
     assert 0.4 < float(late["hull_load_share"].mean()) < 0.8
     assert float(np.abs(late["forward_velocity"]).max()) < 0.01
     assert float(late["slip_ratio"].min()) > 0.97
     center = late["hull_contact_center"].mean("time")
-    assert float(center.sel(axis="x")) == pytest.approx(1.2, abs=0.1)
+    assert float(center.sel(axis="x")) == pytest.approx(0.9, abs=0.1)
     assert float(center.sel(axis="z")) == pytest.approx(0.14, abs=0.02)
 
 
@@ -236,11 +236,11 @@ def test_forces_and_energy_balance_while_it_hangs(hanging):
 
 def test_it_slides_over_a_rounded_crest(vehicle, sand):
     """It loses speed on its belly and goes on: not bottomed, but the sentence says that it touched."""
-    run = simulate(vehicle, sand, maneuver=SPIN, duration=4.6, terrain=ridge(0.16, 0.4))
+    run = simulate(vehicle, sand, maneuver=SPIN, duration=3.2, terrain=ridge(0.15, 0.4))
     assert float(run["hull_load_share"].max()) > 0.2
     assert run.attrs["verdict"] == "drives"
     assert "first touched the ground" in run.attrs["verdict_sentence"]
-    assert float(run["position"].sel(body="hull", axis="x")[-1]) > 1.5
+    assert float(run["position"].sel(body="hull", axis="x")[-1]) > 1.1
     assert float(run["hull_soil_force"][-1].sel(axis="z")) == 0.0
 
 
@@ -250,7 +250,7 @@ def test_a_run_restarts_and_repeats_with_the_same_bits_on_its_belly(vehicle, san
     model = model_on(vehicle, sand, terrain, SPIN)
     model.settle(lambda states: CALM)
     loads = []
-    for start in (2.9, 3.2, 3.5):
+    for start in (1.9, 2.04, 2.3):
         advance(model, start)
         saved = model.save()
         loads.append(float(model.loads[0]["hull_soil"]["force"][2]))
@@ -273,7 +273,7 @@ def test_both_load_paths_agree_on_its_belly(vehicle, sand):
     for user_loads in (False, True):
         model = model_on(vehicle, sand, ridge(0.14, 0.3), SPIN, user_loads=user_loads)
         model.settle(lambda states: CALM)
-        advance(model, 3.4)
+        advance(model, 2.3)
         assert model.loads[0]["hull_soil"]["force"][2] > 20.0
         ends.append(model.present())
     assert np.abs(ends[0].position - ends[1].position).max() < 1e-8
@@ -284,11 +284,11 @@ def test_mirrored_ground_mirrors_the_way(vehicle, sand):
     x, y = np.arange(-2.0, 4.001, 0.05), np.arange(-2.0, 2.001, 0.05)
     places = []
     for side in (1.0, -1.0):
-        across = (x[None, :] - 1.2) * math.cos(0.5) + side * y[:, None] * math.sin(0.5)
+        across = (x[None, :] - 1.1) * math.cos(0.5) + side * y[:, None] * math.sin(0.5)
         ground = Terrain(heights=0.15 * np.exp(-((across / 0.25) ** 2)), origin=(-2.0, -2.0), spacing=0.05)
         model = model_on(vehicle, sand, ground, SPIN)
         model.settle(lambda states: CALM)
-        advance(model, 3.6)
+        advance(model, 2.6)
         places.append(model.present().position[0, 0])
         assert model.energy_account[0]["work"][-1] < -1.0
     assert places[0] * [1.0, -1.0, 1.0] == pytest.approx(places[1], abs=1e-6)

@@ -102,7 +102,7 @@ def test_a_mirrored_motion_gives_the_mirrored_force(vehicle, sand):
     rng = np.random.default_rng(1)
     for _ in range(20):
         rotation = turned(*rng.uniform(-0.3, 0.3, 3))
-        position, velocity, turning = rng.uniform(-0.1, 0.1, (3, 3)) + [[0, 0, 0.1], [0, 0, 0], [0, 0, 0]]
+        position, velocity, turning = rng.uniform(-0.1, 0.1, (3, 3)) + np.diag([0.0, 0.0, 0.1])[[2, 0, 1]]
         one = hull_soil_forces(sand, SLOPE, contact, position, rotation, velocity, turning)
         two = hull_soil_forces(
             sand, Terrain(slope_x=0.1, slope_y=0.05), contact, flip @ position, flip @ rotation @ flip,
