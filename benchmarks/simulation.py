@@ -80,7 +80,7 @@ def pieces() -> None:
         water.start(VEHICLE, WATER, macro)
         gather = microseconds(
             lambda m=model, s=state: vehicle_loads(
-                m.parameters, m._heights, m._hull, *s, m.loads, m._generalized
+                m.parameters, m._heights, m._hull_points, *s, m.loads, m._generalized
             ), 2000,
         )  # fmt: skip
         hook = microseconds(lambda m=model: m._before_residual(None, 3.0, 1, 0), 2000)

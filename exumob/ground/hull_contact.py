@@ -61,17 +61,17 @@ ONSET = 1e-3
 HULL_POINT = np.dtype([("position", "f8", (3,)), ("normal", "f8", (3,)), ("area", "f8")])
 """A point of the hull's surface: from the hull's origin [m], outward unit normal (hull axes), area [m^2]."""
 
-HULL_SIZE = np.dtype(
+HULL_RECORD = np.dtype(
     [
         ("width", "f8"),  # smaller side of the bottom [m]
         ("radius", "f8"),  # largest distance of a point from the hull's origin [m]
         ("steepness", "f8"),  # sqrt(1 + largest slope^2) of the terrain
+        ("seen_position", "f8", (3,)),  # where the hull was looked at last
+        ("seen_rotation", "f8", (3, 3)),
+        ("clearance", "f8"),  # its smallest height above the ground there [m]; 0: it must be looked at
     ]
 )
-"""What the contact needs to know of the whole hull."""
-
-WATCH = np.dtype([("position", "f8", (3,)), ("rotation", "f8", (3, 3)), ("clearance", "f8")])
-"""Where the hull was looked at last, and its smallest height above the ground there [m]; 0: it must be looked at."""
+"""The hull as a whole; `soil_on_hull` writes what it saw, to know when it need not look, never what it finds."""
 
 HULL_SOIL = np.dtype(
     [
@@ -90,17 +90,15 @@ class HullContact(NamedTuple):
 
     points: np.ndarray
     """dtype `HULL_POINT`, shape (n,)"""
-    size: np.ndarray
-    """dtype `HULL_SIZE`, shape (1,)"""
-    watch: np.ndarray
-    """dtype `WATCH`, shape (1,); changed by `soil_on_hull` to know when it need not look, never what it finds"""
+    record: np.ndarray
+    """dtype `HULL_RECORD`, shape (1,)"""
 
 
 def no_hull_contact() -> HullContact:
     """Return a hull that soil does not touch."""
-    watch = np.zeros(1, WATCH)
-    watch["clearance"] = np.inf
-    return HullContact(np.zeros(0, HULL_POINT), np.ones(1, HULL_SIZE), watch)
+    record = np.zeros(1, HULL_RECORD)
+    record["clearance"] = np.inf
+    return HullContact(np.zeros(0, HULL_POINT), record)
 
 
 @checked
@@ -143,7 +141,8 @@ def hull_contact(
     if terrain.heights is not None:
         assert isinstance(terrain.spacing, tuple)
         spacing = min(spacing, max(min(terrain.spacing), length / MOST_ALONG))
-    layers = low[2] + spacing * np.array([0.25, 0.5, 0.75, *2.0 ** np.arange(0.0, math.log2(extent[2] / spacing))])
+    doublings = math.log2(max(extent[2] / spacing, 1.0))
+    layers = low[2] + spacing * np.array([0.25, 0.5, 0.75, *2.0 ** np.arange(0.0, doublings)])
     looks_down = kept & (vectors[:, 2] < -UPRIGHT * areas)
     parts = []
     for faces, apart, levels in ((looks_down, spacing, layers[:0]), (kept & ~looks_down, 2.0 * spacing, layers)):
@@ -153,12 +152,12 @@ def hull_contact(
             pieces = _cut_along(pieces, axis, places)
         parts.append(_merged(pieces, planes))
     points = np.concatenate(parts)
-    size = np.zeros(1, HULL_SIZE)
+    record = np.zeros(1, HULL_RECORD)
     bottom = surface[looks_down if looks_down.any() else kept]
-    size["width"] = np.ptp(bottom.reshape(-1, 3)[:, :2], axis=0).min()
-    size["radius"] = np.linalg.norm(points["position"], axis=1).max()
-    size["steepness"] = math.sqrt(1.0 + _steepest(terrain) ** 2)
-    return HullContact(points, size, np.zeros(1, WATCH))
+    record["width"] = np.ptp(bottom.reshape(-1, 3)[:, :2], axis=0).min()
+    record["radius"] = np.linalg.norm(points["position"], axis=1).max()
+    record["steepness"] = math.sqrt(1.0 + _steepest(terrain) ** 2)
+    return HullContact(points, record)
 
 
 def _planes(low: float, high: float, spacing: float) -> Array:
@@ -245,20 +244,19 @@ def _steepest(terrain: Terrain) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def hull_is_clear(contact: HullContact, position: Array, rotation: Array) -> bool:
+def hull_is_clear(hull: Any, position: Array, rotation: Array) -> bool:
     """Tell from where the hull was looked at last that it cannot have reached the ground since.
 
     A point moves by no more than the origin does and the hull's radius times the change of the rotation; its height
     above the ground changes by no more than that times the steepness.
     """
-    size, watch = contact.size[0], contact.watch[0]
     moved = 0.0
     turned = 0.0
     for k in range(3):
-        moved += (position[k] - watch.position[k]) ** 2
+        moved += (position[k] - hull.seen_position[k]) ** 2
         for j in range(3):
-            turned += (rotation[k, j] - watch.rotation[k, j]) ** 2
-    return size.steepness * (math.sqrt(moved) + size.radius * math.sqrt(turned)) < watch.clearance
+            turned += (rotation[k, j] - hull.seen_rotation[k, j]) ** 2
+    return bool(hull.steepness * (math.sqrt(moved) + hull.radius * math.sqrt(turned)) < hull.clearance)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -279,7 +277,7 @@ def _pressure(depth: float, n: float, factor: float, onset: float) -> tuple[floa
 
 @njit(cache=True, error_model="numpy")
 def soil_on_hull(  # a kernel: soil and ground, the hull's motion, and two results
-    soil: Any, terrain: Any, nodes: Array, contact: HullContact, standstill_rate: float, position: Array,
+    soil: Any, terrain: Any, nodes: Array, points: np.ndarray, hull: Any, standstill_rate: float, position: Array,
     rotation: Array, velocity: Array, turning: Array, out: Any, tangent: Array, stiffly: float, damped: float,
 ) -> None:  # fmt: skip
     """Compute force and moment of the soil on the hull, and if asked for their derivative by its motion.
@@ -291,7 +289,8 @@ def soil_on_hull(  # a kernel: soil and ground, the hull's motion, and two resul
     soil : record of dtype `exumob.ground.soil.SOIL_RECORD`
     terrain, nodes
         As for `terrain_height`.
-    contact : HullContact
+    points : array of dtype `HULL_POINT`, shape (n,)
+    hull : record of dtype `HULL_RECORD`, changed
     standstill_rate : float
         w0 [rad/s], > 0.
     position, velocity, turning : array, shape (3,) or longer
@@ -304,14 +303,13 @@ def soil_on_hull(  # a kernel: soil and ground, the hull's motion, and two resul
         that by its velocity and angular velocity.
     stiffly, damped : float
     """
-    size, watch = contact.size[0], contact.watch[0]
     wanted = tangent.shape[0] > 0
     n, cohesion, tan_phi = soil.n, soil.cohesion, soil.tan_friction_angle
     if soil.reece_pressure:
-        factor = (soil.k_c + soil.k_phi * size.width) / size.width**n
+        factor = (soil.k_c + soil.k_phi * hull.width) / hull.width**n
     else:
-        factor = soil.k_c / size.width + soil.k_phi
-    onset = ONSET * size.width if n < 1.0 else 0.0
+        factor = soil.k_c / hull.width + soil.k_phi
+    onset = ONSET * hull.width if n < 1.0 else 0.0
     creep = standstill_rate * math.sqrt(soil.shear_modulus_x * soil.shear_modulus_y)
     force, moment, center = np.zeros(3), np.zeros(3), np.zeros(3)
     r, outward, normal, v_t, ahead, f, v = (
@@ -323,7 +321,7 @@ def soil_on_hull(  # a kernel: soil and ground, the hull's motion, and two resul
     deepest = 0.0
     weight = 0.0
     stored = 0.0
-    for point in contact.points:
+    for point in points:
         for k in range(3):
             r[k] = (
                 rotation[k, 0] * point.position[0] + rotation[k, 1] * point.position[1]
@@ -405,14 +403,14 @@ def soil_on_hull(  # a kernel: soil and ground, the hull's motion, and two resul
                         - damped * push * ahead[i] * ahead[j]
                     )  # fmt: skip
             _add_tangent(t, r, tangent)
-    watch.clearance = max(clearance, 0.0)
+    hull.clearance = max(clearance, 0.0)
     for k in range(3):
-        watch.position[k] = position[k]
+        hull.seen_position[k] = position[k]
         out.force[k] = force[k]
         out.moment[k] = moment[k]
         out.center[k] = center[k] / weight if weight > 0.0 else 0.0
         for j in range(3):
-            watch.rotation[k, j] = rotation[k, j]
+            hull.seen_rotation[k, j] = rotation[k, j]
     out.sinkage = deepest
     out.stored = stored
 
@@ -478,7 +476,7 @@ def hull_soil_forces(  # soil, ground and hull, and the hull's motion
     record, nodes = terrain.as_arrays()
     out = np.zeros(1, HULL_SOIL)
     soil_on_hull(
-        soil.as_record()[0], record[0], nodes, contact, float(standstill_rate),
+        soil.as_record()[0], record[0], nodes, contact.points, contact.record[0], float(standstill_rate),
         *(np.array(given, dtype=float) for given in (position, rotation, velocity, angular_velocity)),
         out[0], np.zeros((0, 0)), 0.0, 0.0,
     )  # fmt: skip

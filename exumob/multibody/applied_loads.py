@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from exumob.ground.hull_contact import HULL_SOIL, HullContact, hull_is_clear, soil_on_hull
+from exumob.ground.hull_contact import HULL_RECORD, HULL_SOIL, HullContact, hull_is_clear, soil_on_hull
 from exumob.ground.soil import SOIL_RECORD, Soil
 from exumob.ground.terrain import TERRAIN_RECORD, Terrain
 from exumob.multibody.rigid_body import angular_velocity, cross, dot, generalized_moment, rotation_matrix
@@ -25,6 +25,7 @@ LOAD_PARAMETERS = np.dtype(
     [
         ("soil", SOIL_RECORD),
         ("terrain", TERRAIN_RECORD),
+        ("hull", HULL_RECORD),  # how it meets the ground, and when it was looked at last
         ("wheel_radius", "f8"),
         ("wheel_width", "f8"),
         ("standstill_rate", "f8"),  # [rad/s]: spin below which shear is regularised, see `contact_patch`
@@ -94,7 +95,9 @@ class BodyMotion(NamedTuple):
     """World axes [rad/s], shape (9, 3)"""
 
 
-def pack_parameters(vehicle: Vehicle, soil: Soil, terrain: Terrain, standstill_rate: float) -> np.ndarray:
+def pack_parameters(
+    vehicle: Vehicle, soil: Soil, terrain: Terrain, hull: HullContact, standstill_rate: float
+) -> np.ndarray:  # fmt: skip
     """Pack what `vehicle_loads` needs into one record.
 
     Returns
@@ -105,6 +108,7 @@ def pack_parameters(vehicle: Vehicle, soil: Soil, terrain: Terrain, standstill_r
     record = parameters[0]
     record["soil"] = soil.as_record()[0]
     record["terrain"] = terrain.as_arrays()[0][0]
+    record["hull"] = hull.record[0]
     record["wheel_radius"] = vehicle.wheel.radius
     record["wheel_width"] = vehicle.wheel.width
     record["standstill_rate"] = standstill_rate
@@ -140,8 +144,8 @@ def stop_force(penetration: float, stiffness: float, softening: float) -> tuple[
 
 @njit(cache=True, error_model="numpy")
 def vehicle_loads(
-    parameters: np.ndarray, heights: Array, hull: HullContact, coordinates: Array, velocities: Array, reference: Array,
-    loads: np.ndarray, generalized: Array,
+    parameters: np.ndarray, heights: Array, hull_points: np.ndarray, coordinates: Array, velocities: Array,
+    reference: Array, loads: np.ndarray, generalized: Array,
 ) -> None:  # fmt: skip
     """Compute the loads on all bodies for given coordinates.
 
@@ -150,8 +154,7 @@ def vehicle_loads(
     parameters : array of dtype `LOAD_PARAMETERS`, shape (1,)
     heights : array, shape (ny, nx, 4)
         Field of heights of the terrain (see `Terrain.as_arrays`).
-    hull : HullContact
-        How the hull meets the ground.
+    hull_points : array of dtype `exumob.ground.hull_contact.HULL_POINT`, shape (n,)
     coordinates, velocities, reference : array, shape (63,)
         Node displacements and Euler-parameter increments, their rates, and the reference values.
     loads : array of dtype `LOADS`, shape (1,)
@@ -170,7 +173,7 @@ def vehicle_loads(
         _loads_on_wheel(p, motion, i, out)
         _suspension(p, motion, i, out)
         _soil(p, heights, motion, i, contact, out)
-    _soil_on_hull(p, heights, hull, motion, out)
+    _soil_on_hull(p, heights, hull_points, motion, out)
     _generalize(motion, out, generalized)
 
 
@@ -338,12 +341,12 @@ def _soil(p: Any, heights: Array, motion: BodyMotion, i: int, contact: np.ndarra
 
 
 @njit(cache=True, error_model="numpy")
-def _soil_on_hull(p: Any, heights: Array, hull: HullContact, motion: BodyMotion, out: Any) -> None:
+def _soil_on_hull(p: Any, heights: Array, points: np.ndarray, motion: BodyMotion, out: Any) -> None:
     """Soil on the hull, where the hull may have reached the ground."""
     soil = out.hull_soil
     rotation, turning, rate = motion.rotation[0], motion.angular_velocity[0], motion.rate[0]
     out.hull_soil_power = 0.0
-    if hull_is_clear(hull, motion.node[0], rotation):
+    if hull_is_clear(p.hull, motion.node[0], rotation):
         for k in range(3):
             soil.force[k] = 0.0
             soil.moment[k] = 0.0
@@ -352,7 +355,7 @@ def _soil_on_hull(p: Any, heights: Array, hull: HullContact, motion: BodyMotion,
         soil.stored = 0.0
         return
     soil_on_hull(
-        p.soil, p.terrain, heights, hull, p.standstill_rate, motion.node[0], rotation, rate, turning, soil,
+        p.soil, p.terrain, heights, points, p.hull, p.standstill_rate, motion.node[0], rotation, rate, turning, soil,
         np.zeros((0, 0)), 0.0, 0.0,
     )  # fmt: skip
     if not soil.sinkage > 0.0:

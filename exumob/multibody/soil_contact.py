@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from exumob.ground.contact_patch import PATCH_FORCES, WheelMotion, WheelSize, wheel_soil_kernel
-from exumob.ground.hull_contact import HULL_SOIL, HullContact, hull_is_clear, soil_on_hull
+from exumob.ground.hull_contact import HULL_SOIL, hull_is_clear, soil_on_hull
 from exumob.ground.terrain import terrain_height
 from exumob.multibody.rigid_body import angular_velocity, cross, dot, generalized_moment, rotation_matrix
 from exumob.support.arrays import Array
@@ -137,8 +137,8 @@ def soil_damping(
 
 @njit(cache=True, error_model="numpy")
 def hull_tangent(  # a kernel: the arguments of the loads, two factors and the result
-    parameters: np.ndarray, heights: Array, hull: HullContact, coordinates: Array, velocities: Array, reference: Array,
-    factor: float, factor_velocity: float, entries: Array,
+    parameters: np.ndarray, heights: Array, hull_points: np.ndarray, coordinates: Array, velocities: Array,
+    reference: Array, factor: float, factor_velocity: float, entries: Array,
 ) -> bool:  # fmt: skip
     """Compute the derivative of the soil's generalised forces on the hull by the hull's motion.
 
@@ -146,7 +146,7 @@ def hull_tangent(  # a kernel: the arguments of the loads, two factors and the r
 
     Parameters
     ----------
-    parameters, heights, hull, coordinates, velocities, reference
+    parameters, heights, hull_points, coordinates, velocities, reference
         As for `exumob.multibody.applied_loads.vehicle_loads`.
     factor, factor_velocity : float
         Multiply the derivatives by coordinates and by velocities.
@@ -162,13 +162,13 @@ def hull_tangent(  # a kernel: the arguments of the loads, two factors and the r
     node = coordinates[:7] + reference[:7]
     rotation, turning = np.empty((3, 3)), np.empty(3)
     rotation_matrix(node, rotation)
-    if hull_is_clear(hull, node, rotation):
+    if hull_is_clear(p.hull, node, rotation):
         return False
     angular_velocity(node, velocities[:7], turning)
     found, tangent = np.empty(1, HULL_SOIL), np.empty((6, 6))
     soil_on_hull(
-        p.soil, p.terrain, heights, hull, p.standstill_rate, node, rotation, velocities[:3], turning, found[0],
-        tangent, factor, factor_velocity,
+        p.soil, p.terrain, heights, hull_points, p.hull, p.standstill_rate, node, rotation, velocities[:3], turning,
+        found[0], tangent, factor, factor_velocity,
     )  # fmt: skip
     if not found[0].sinkage > 0.0:
         return False

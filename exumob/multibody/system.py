@@ -111,7 +111,9 @@ class MultibodyVehicle:
         self._driver: Driver | None = None  # of a maneuver with feedback, while driving
         self._looks = 0
         self.micro_step = micro_step
-        self.parameters = pack_parameters(vehicle, soil, terrain, standstill_rate)
+        hull = no_hull_contact() if hull is None else hull
+        self._hull_points = hull.points
+        self.parameters = pack_parameters(vehicle, soil, terrain, hull, standstill_rate)
         self.loads = np.zeros(1, LOADS)
         self._generalized = np.zeros(63)
         origins = np.vstack([vehicle.hull_origin, vehicle.wheel_centers])
@@ -120,8 +122,7 @@ class MultibodyVehicle:
         ]
         self.energy_account = np.zeros(1, ENERGY_ACCOUNT)
         self._heights = terrain.as_arrays()[1]
-        self._hull = no_hull_contact() if hull is None else hull
-        pose = standing_pose(vehicle, terrain, self._hull.points["position"] + vehicle.hull_origin)
+        pose = standing_pose(vehicle, terrain, hull.points["position"] + vehicle.hull_origin)
         self._ground_normal = pose[1][:, 2]
         self._command = DrivingCommand()
         self.start_kind = ""
@@ -276,8 +277,9 @@ class MultibodyVehicle:
         if self._forces:
             self._apply_forces(time if self._driving else 0.0)
         vehicle_loads(
-            self.parameters, self._heights, self._hull, self._q, self._v, self._reference, self.loads, self._generalized
-        )
+            self.parameters, self._heights, self._hull_points, self._q, self._v, self._reference, self.loads,
+            self._generalized,
+        )  # fmt: skip
         if self._joints.force_object is not None:
             self.mbs.SetObjectParameter(self._joints.force_object, "forceVector", self._generalized)
 
@@ -307,8 +309,8 @@ class MultibodyVehicle:
         entries = self._damping_entries
         soil_damping(self.parameters, self._heights, self._q, self._v, self._reference, factor_velocity, entries)
         touches = hull_tangent(
-            self.parameters, self._heights, self._hull, self._q, self._v, self._reference, factor, factor_velocity,
-            entries[DAMPING_ENTRIES:],
+            self.parameters, self._heights, self._hull_points, self._q, self._v, self._reference, factor,
+            factor_velocity, entries[DAMPING_ENTRIES:],
         )  # fmt: skip
         matrix = exu.MatrixContainer()
         n = len(self._q) + len(self._multipliers)

@@ -73,7 +73,8 @@ def test_nothing_above_the_ground_and_where_the_motion_is_not_finite(sand):
     ground, nodes = SLOPE.as_arrays()
     nowhere = np.full(3, np.nan)
     soil_on_hull(
-        sand.as_record()[0], ground[0], nodes, contact, 0.05, nowhere, np.eye(3), nowhere, nowhere, out[0],
+        sand.as_record()[0], ground[0], nodes, contact.points, contact.record[0], 0.05,
+        nowhere, np.eye(3), nowhere, nowhere, out[0],
         np.zeros((0, 0)), 0.0, 0.0,
     )  # fmt: skip
     assert not out["force"].any()
@@ -142,7 +143,8 @@ def test_derivative_by_the_motion(sand):
         out = np.zeros(1, HULL_SOIL)
         placed = Rotation.from_rotvec(step[3:]).as_matrix() @ rotation
         soil_on_hull(
-            soil[0], ground[0], nodes, contact, 0.05, position + step[:3], placed, rates[:3].copy(), rates[3:].copy(),
+            soil[0], ground[0], nodes, contact.points, contact.record[0], 0.05,
+            position + step[:3], placed, rates[:3].copy(), rates[3:].copy(),
             out[0], np.zeros((0, 0)) if tangent is None else tangent, *factors,
         )  # fmt: skip
         return np.concatenate([out[0]["force"], out[0]["moment"]])
@@ -222,16 +224,18 @@ def test_a_hull_that_was_looked_at_is_not_overlooked(sand):
         place = place + rng.normal(0.0, 0.004, 3) + [0.0, 0.0, 0.05 * (0.215 - place[2])]
         angles = 0.95 * angles + rng.normal(0.0, 0.005, 3)
         rotation = turned(*angles)
-        clear = hull_is_clear(contact, place, rotation)
+        clear = hull_is_clear(contact.record[0], place, rotation)
         if not clear:
             soil_on_hull(
-                soil[0], record[0], nodes, contact, 0.05, place, rotation, np.zeros(3), np.zeros(3), out[0, 0],
+                soil[0], record[0], nodes, contact.points, contact.record[0], 0.05,
+                place, rotation, np.zeros(3), np.zeros(3), out[0, 0],
                 np.zeros((0, 0)), 0.0, 0.0,
             )  # fmt: skip
             touched += bool(out[0, 0]["sinkage"] > 0.0)
             continue
         cleared += 1
-        fresh = contact._replace(watch=np.zeros_like(contact.watch))
+        fresh = contact._replace(record=contact.record.copy())
+        fresh.record["clearance"] = 0.0
         assert hull_soil_forces(sand, ground, fresh, place, rotation)["sinkage"] == 0.0
     assert cleared > 300
     assert touched > 30
