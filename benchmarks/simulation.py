@@ -75,14 +75,20 @@ def pieces() -> None:
         step = 1e6 * (time.perf_counter() - start) / steps
         newton = (model._solver.it.newtonStepsCount - counts[0]) / steps
         jacobians = (model._solver.it.newtonJacobiCount - counts[1]) / steps
-        state = model._heights, model._q, model._v, model._reference
+        state = model._q, model._v, model._reference
         water = CoefficientHydrodynamics()
         water.start(VEHICLE, WATER, macro)
-        gather = microseconds(lambda m=model, s=state: vehicle_loads(m.parameters, *s, m.loads, m._generalized), 2000)
+        gather = microseconds(
+            lambda m=model, s=state: vehicle_loads(
+                m.parameters, m._heights, m._hull_points, *s, m.loads, m._generalized
+            ), 2000,
+        )  # fmt: skip
         hook = microseconds(lambda m=model: m._before_residual(None, 3.0, 1, 0), 2000)
         command = microseconds(lambda m=model: m._prescribe(3.0), 2000)
         account = microseconds(lambda m=model: m._account(3.0), 2000)
-        damping = microseconds(lambda m=model, s=state: soil_damping(m.parameters, *s, 1.0, m._damping_entries), 500)
+        damping = microseconds(
+            lambda m=model, s=state: soil_damping(m.parameters, m._heights, *s, 1.0, m._damping_entries), 500
+        )
         wrenches = microseconds(lambda m=model, w=water: w.wrenches(m.history, m.present), 200)
         predict = microseconds(lambda m=model: m.predict(macro), 20)  # noqa: B023
         reactions = microseconds(model.constraint_wrenches, 50)

@@ -32,7 +32,7 @@ def scaled_vehicle(factor: float) -> Vehicle:
 
 def made_up_run(
     factor=1.0, end=6.0, step=0.01, tread=1.0, forward=0.8, lateral=0.0, load=0.6, roll=0.0, pitch=0.0, sinkage=0.05,
-    height=0.17, depth=0.12, push=(0.0, 0.0), steering=0.0, status="completed", **attrs,
+    height=0.17, depth=0.12, push=(0.0, 0.0), steering=0.0, belly=0.0, status="completed", **attrs,
 ) -> xr.Dataset:  # fmt: skip
     """A run along x; each value a number or a function of time, in the units of the vehicle of factor 1.
 
@@ -41,7 +41,7 @@ def made_up_run(
     factor : float
         Scale of the vehicle; times, speeds and forces scale with it as Froude's law says.
     tread, forward, lateral : [m/s]
-    load : share of the weight on the wheels
+    load, belly : share of the weight on the wheels, on the hull
     sinkage : over the wheel's radius
     height : of the hull's origin [m]
     push : force of the water along world x and y [N]
@@ -60,6 +60,8 @@ def made_up_run(
         way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * step * tick)])
         position[:, :, k] = way[:, None]
     position[:, :, 2] = series(height, factor)[:, None]
+    hull_force = np.zeros((n, 3))
+    hull_force[:, 2] = series(belly, GRAVITY * vehicle.mass)
     soil_force[..., 2] = series(load, 0.25 * GRAVITY * vehicle.mass)[:, None]
     for k in range(2):
         water_load[:, 0, k] = series(push[k], factor**3)
@@ -71,6 +73,8 @@ def made_up_run(
     return xr.Dataset(
         {
             "position": ((*bodies, "axis"), position), "water_load": ((*bodies, "axis"), water_load),
+            "hull_soil_force": (("time", "axis"), hull_force),
+            "hull_contact_center": (("time", "axis"), position[:, 0] + [0.1 * factor, 0.0, 0.0]),
             "soil_force": ((*wheels, "axis"), soil_force), "yaw": (bodies, np.zeros((n, 5))),
             "roll": (bodies, alike(roll, 5)), "pitch": (bodies, alike(pitch, 5)),
             "forward_velocity": ("time", v_x), "lateral_velocity": ("time", v_y),

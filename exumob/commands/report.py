@@ -12,7 +12,9 @@ from exumob.commands.shared import console, write_result
 if TYPE_CHECKING:
     import xarray as xr
 
-COLOURS = {"drives": "green"} | dict.fromkeys(("stuck", "afloat", "slides", "stands", "too short to tell"), "yellow")
+COLOURS = {"drives": "green"} | dict.fromkeys(
+    ("stuck", "bottomed", "afloat", "slides", "stands", "too short to tell"), "yellow"
+)
 """Colour of a verdict's line; those that are not here are red."""
 
 

@@ -23,7 +23,7 @@ from exumob.sweeps.experiment import Experiment
 
 FAILURES = (
     "none", "sunk", "afloat", "swept away", "tipped", "stuck", "too slow", "pushed aside", "broke down", "submerged",
-    "slides",
+    "slides", "bottomed",
 )  # fmt: skip
 """Kinds of failure, by the number that maps hold; `exumob.simulation.verdict.VERDICTS` has them in order, worst first,
 and "too slow" and "pushed aside" count only where none of those applies."""

@@ -28,7 +28,7 @@ AXIS_NAMES = {
     "water.depth": "depth [m]",
 }  # fmt: skip
 """Labels of the axes, by dotted name; others are labelled by their name and unit."""
-FAILURE_COLORS = ("none", "0.25", "C0", "C4", "C5", "C3", "C1", "C6", "0.6", "C9", "C8")
+FAILURE_COLORS = ("none", "0.25", "C0", "C4", "C5", "C3", "C1", "C6", "0.6", "C9", "C8", "C2")
 """Colours of failures, by index of `exumob.mobility.crossing.FAILURES`."""
 LEVELS: dict[float, Any] = {
     0.1: {"lw": 1.0, "ls": (0, (5, 1.5, 1, 1.5))}, 0.5: {"lw": 2.0, "ls": "-"}, 0.9: {"lw": 1.0, "ls": (0, (5, 1.5))},

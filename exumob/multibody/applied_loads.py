@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from exumob.ground.hull_contact import HULL_RECORD, HULL_SOIL, HullContact, hull_is_clear, soil_on_hull
 from exumob.ground.soil import SOIL_RECORD, Soil
 from exumob.ground.terrain import TERRAIN_RECORD, Terrain
 from exumob.multibody.rigid_body import angular_velocity, cross, dot, generalized_moment, rotation_matrix
@@ -24,6 +25,7 @@ LOAD_PARAMETERS = np.dtype(
     [
         ("soil", SOIL_RECORD),
         ("terrain", TERRAIN_RECORD),
+        ("hull", HULL_RECORD),  # how it meets the ground, and when it was looked at last
         ("wheel_radius", "f8"),
         ("wheel_width", "f8"),
         ("standstill_rate", "f8"),  # [rad/s]: spin below which shear is regularised, see `contact_patch`
@@ -58,12 +60,14 @@ LOADS = np.dtype(
         ("wheel_torque", "f8", (4, 3)),
         ("soil_force", "f8", (4, 3)),
         ("soil_moment", "f8", (4, 3)),  # about the wheel centre
+        ("hull_soil", HULL_SOIL),
         ("suspension_force", "f8", (4,)),  # pushes hull and wheel apart [N]
         ("stroke", "f8", (4,)),  # wheel above its ride height relative to the hull [m]
         ("sinkage", "f8", (4,)),
         ("slip_ratio", "f8", (4,)),
         ("slip_angle", "f8", (4,)),  # of the velocity to the wheel's plane, 0 also in straight reverse
-        ("soil_power", "f8"),  # into the vehicle [W]
+        ("soil_power", "f8"),  # on the tyres, into the vehicle [W]
+        ("hull_soil_power", "f8"),
         ("damper_power", "f8"),
         ("water_power", "f8"),
         ("settling_power", "f8"),
@@ -91,7 +95,9 @@ class BodyMotion(NamedTuple):
     """World axes [rad/s], shape (9, 3)"""
 
 
-def pack_parameters(vehicle: Vehicle, soil: Soil, terrain: Terrain, standstill_rate: float) -> np.ndarray:
+def pack_parameters(
+    vehicle: Vehicle, soil: Soil, terrain: Terrain, hull: HullContact, standstill_rate: float
+) -> np.ndarray:  # fmt: skip
     """Pack what `vehicle_loads` needs into one record.
 
     Returns
@@ -102,6 +108,7 @@ def pack_parameters(vehicle: Vehicle, soil: Soil, terrain: Terrain, standstill_r
     record = parameters[0]
     record["soil"] = soil.as_record()[0]
     record["terrain"] = terrain.as_arrays()[0][0]
+    record["hull"] = hull.record[0]
     record["wheel_radius"] = vehicle.wheel.radius
     record["wheel_width"] = vehicle.wheel.width
     record["standstill_rate"] = standstill_rate
@@ -137,8 +144,8 @@ def stop_force(penetration: float, stiffness: float, softening: float) -> tuple[
 
 @njit(cache=True, error_model="numpy")
 def vehicle_loads(
-    parameters: np.ndarray, heights: Array, coordinates: Array, velocities: Array, reference: Array, loads: np.ndarray,
-    generalized: Array,
+    parameters: np.ndarray, heights: Array, hull_points: np.ndarray, coordinates: Array, velocities: Array,
+    reference: Array, loads: np.ndarray, generalized: Array,
 ) -> None:  # fmt: skip
     """Compute the loads on all bodies for given coordinates.
 
@@ -147,6 +154,7 @@ def vehicle_loads(
     parameters : array of dtype `LOAD_PARAMETERS`, shape (1,)
     heights : array, shape (ny, nx, 4)
         Field of heights of the terrain (see `Terrain.as_arrays`).
+    hull_points : array of dtype `exumob.ground.hull_contact.HULL_POINT`, shape (n,)
     coordinates, velocities, reference : array, shape (63,)
         Node displacements and Euler-parameter increments, their rates, and the reference values.
     loads : array of dtype `LOADS`, shape (1,)
@@ -165,6 +173,7 @@ def vehicle_loads(
         _loads_on_wheel(p, motion, i, out)
         _suspension(p, motion, i, out)
         _soil(p, heights, motion, i, contact, out)
+    _soil_on_hull(p, heights, hull_points, motion, out)
     _generalize(motion, out, generalized)
 
 
@@ -329,3 +338,29 @@ def _soil(p: Any, heights: Array, motion: BodyMotion, i: int, contact: np.ndarra
     out.slip_ratio[i] = contact[0].patch.slip_ratio
     out.slip_angle[i] = contact[0].slip_angle
     out.deepest = max(out.deepest, contact[0].sinkage / p.wheel_radius)
+
+
+@njit(cache=True, error_model="numpy")
+def _soil_on_hull(p: Any, heights: Array, points: np.ndarray, motion: BodyMotion, out: Any) -> None:
+    """Soil on the hull, where the hull may have reached the ground."""
+    soil = out.hull_soil
+    rotation, turning, rate = motion.rotation[0], motion.angular_velocity[0], motion.rate[0]
+    out.hull_soil_power = 0.0
+    if hull_is_clear(p.hull, motion.node[0], rotation):
+        for k in range(3):
+            soil.force[k] = 0.0
+            soil.moment[k] = 0.0
+            soil.center[k] = 0.0
+        soil.sinkage = 0.0
+        soil.stored = 0.0
+        return
+    soil_on_hull(
+        p.soil, p.terrain, heights, points, p.hull, p.standstill_rate, motion.node[0], rotation, rate, turning, soil,
+        np.zeros((0, 0)), 0.0, 0.0,
+    )  # fmt: skip
+    if not soil.sinkage > 0.0:
+        return
+    for k in range(3):
+        out.hull_soil_power += soil.force[k] * rate[k] + soil.moment[k] * turning[k]
+        out.hull_force[k] += soil.force[k]
+        out.hull_torque[k] += soil.moment[k]

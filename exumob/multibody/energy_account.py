@@ -7,7 +7,7 @@ import numpy as np
 from exumob.support.arrays import Array
 from exumob.support.kernels import njit
 
-WORK_KINDS = ("soil", "damper", "water", "spin", "steering", "settling", "point forces")
+WORK_KINDS = ("soil", "damper", "water", "spin", "steering", "settling", "point forces", "soil on hull")
 """Kinds of loads that do work on the vehicle, in the order of the arrays of `ENERGY_ACCOUNT`."""
 
 ENERGY_ACCOUNT = np.dtype(
@@ -55,8 +55,11 @@ def add_work(
     for i in range(2):
         steering -= multipliers[steering_rows[i]] * rates[i]
     power = np.array(
-        (out.soil_power, out.damper_power, out.water_power, spin, steering, out.settling_power, out.point_power)
-    )
+        (
+            out.soil_power, out.damper_power, out.water_power, spin, steering, out.settling_power, out.point_power,
+            out.hull_soil_power,
+        )
+    )  # fmt: skip
     half_step = 0.5 * (time - account.time)
     for i in range(len(WORK_KINDS)):
         account.work[i] += half_step * (account.power[i] + power[i])

@@ -12,12 +12,20 @@ ROUNDS = 50
 """Most rounds of fitting the pose to the ground under the wheels."""
 
 
-def standing_pose(vehicle: Vehicle, terrain: Terrain) -> tuple[Array, Array]:
+def standing_pose(vehicle: Vehicle, terrain: Terrain, hull_points: Array | None = None) -> tuple[Array, Array]:
     """Return the pose of the design frame in which the vehicle, as it is at ride height, lies on the terrain.
 
     The frame lies over the world's origin and heads along world x. Its height, pitch and roll are those of the plane
     that fits the ground under the four wheel centres best (least squares); then it is raised until no tyre reaches
-    below the surface. On a plane all four touch; elsewhere the springs do the rest while the vehicle settles.
+    below the surface, and no point of the hull. On a plane all four tyres touch; elsewhere the springs do the rest
+    while the vehicle settles.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    terrain : Terrain
+    hull_points : array, shape (n, 3), optional
+        Points of the hull that must not start in the soil, design frame [m].
 
     Returns
     -------
@@ -41,7 +49,11 @@ def standing_pose(vehicle: Vehicle, terrain: Terrain) -> tuple[Array, Array]:
         rotation = _frame_on(slopes)
         centers = np.array([0.0, 0.0, height]) + vehicle.wheel_centers @ rotation.T
         gaps = np.array([_above_contact(vehicle.wheel.radius, terrain, center) for center in centers])
-    return np.array([0.0, 0.0, height - min(gaps.min(), 0.0)]), rotation
+    lowest = min(gaps.min(), 0.0)
+    if hull_points is not None and terrain.heights is not None:  # at ride height it is clear of a plane
+        placed = np.array([0.0, 0.0, height]) + hull_points @ rotation.T
+        lowest = min([lowest, *(z - terrain.height_and_normal(x, y)[0] for x, y, z in placed)])
+    return np.array([0.0, 0.0, height - lowest]), rotation
 
 
 def _above_contact(radius: float, terrain: Terrain, center: Array) -> float:

@@ -48,7 +48,7 @@ HOLD_RATE = 100.0
 HOLD_TIME = 15.0
 """Longest simulated time for which a vehicle is held [s]."""
 AFLOAT_SHARE = 0.05
-"""Share of the weight on the wheels below which a vehicle is afloat."""
+"""Share of the weight on the ground below which a vehicle is afloat."""
 TIPPED = 60.0
 """Tilt of the hull beyond which a vehicle cannot start [deg]."""
 
@@ -207,7 +207,7 @@ class _Search:
         while stages and step * SETTLING_STEP < HOLD_TIME:
             damping = self.damping * (0.25 + 0.75 * min(borne, 1.0))  # water is a softer spring than the suspension
             present, acceleration = self._step(step, stages[0]._replace(damping=damping), present)
-            borne = float(self.loads["soil_force"][:, 2].sum()) / weight
+            borne = float(self.loads["soil_force"][:, 2].sum() + self.loads["hull_soil"]["force"][2]) / weight
             if step * SETTLING_STEP > 0.2 and acceleration < stages[0].target * self.parameters["gravity"]:
                 stages.pop(0)
             step += 1

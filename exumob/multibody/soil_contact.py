@@ -1,4 +1,4 @@
-"""The soil on the four wheels of a moving vehicle: forces in world axes, and their derivative by velocity."""
+"""The soil on a moving vehicle: forces on its wheels in world axes, and what Newton's iterations know of the soil."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from exumob.ground.contact_patch import PATCH_FORCES, WheelMotion, WheelSize, wheel_soil_kernel
+from exumob.ground.hull_contact import HULL_SOIL, hull_is_clear, soil_on_hull
 from exumob.ground.terrain import terrain_height
 from exumob.multibody.rigid_body import angular_velocity, cross, dot, generalized_moment, rotation_matrix
 from exumob.support.arrays import Array
@@ -26,6 +27,9 @@ WHEEL_CONTACT = np.dtype(
 
 DAMPING_ENTRIES = 132
 """Entries of the sparse matrix of `soil_damping`: 4 wheels, 3 velocities, 3 forces and 2 times 4 moments each."""
+
+HULL_ENTRIES = 49
+"""Entries of the sparse matrix of `hull_tangent`: 7 coordinates of the hull by 7."""
 
 VELOCITY_STEP = 1e-7
 """Step of the finite differences in `soil_damping` [m/s]."""
@@ -129,3 +133,61 @@ def soil_damping(
                 for j in range(4):
                     entries[entry, 0], entries[entry, 1], entries[entry, 2] = row + 3 + j, first + k, generalized[j]
                     entry += 1
+
+
+@njit(cache=True, error_model="numpy")
+def hull_tangent(  # a kernel: the arguments of the loads, two factors and the result
+    parameters: np.ndarray, heights: Array, hull_points: np.ndarray, coordinates: Array, velocities: Array,
+    reference: Array, factor: float, factor_velocity: float, entries: Array,
+) -> bool:  # fmt: skip
+    """Compute the derivative of the soil's generalised forces on the hull by the hull's motion.
+
+    Soil under a wide belly is stiff in the sinkage, and at standstill in the velocity.
+
+    Parameters
+    ----------
+    parameters, heights, hull_points, coordinates, velocities, reference
+        As for `exumob.multibody.applied_loads.vehicle_loads`.
+    factor, factor_velocity : float
+        Multiply the derivatives by coordinates and by velocities.
+    entries : array, shape (HULL_ENTRIES, 3), changed
+        Row, column and value of a sparse matrix; nothing is written without contact.
+
+    Returns
+    -------
+    bool
+        Whether the hull touches the ground.
+    """
+    p = parameters[0]
+    node = coordinates[:7] + reference[:7]
+    rotation, turning = np.empty((3, 3)), np.empty(3)
+    rotation_matrix(node, rotation)
+    if hull_is_clear(p.hull, node, rotation):
+        return False
+    angular_velocity(node, velocities[:7], turning)
+    found, tangent = np.empty(1, HULL_SOIL), np.empty((6, 6))
+    soil_on_hull(
+        p.soil, p.terrain, heights, hull_points, p.hull, p.standstill_rate, node, rotation, velocities[:3], turning,
+        found[0], tangent, factor, factor_velocity,
+    )  # fmt: skip
+    if not found[0].sinkage > 0.0:
+        return False
+    turn, row = np.empty((7, 6)), np.empty(4)  # generalised forces per force and moment
+    turn[:] = 0.0
+    for k in range(3):
+        unit = np.zeros(3)
+        unit[k] = 1.0
+        turn[k, k] = 1.0
+        generalized_moment(node, unit, row)
+        for i in range(4):
+            turn[3 + i, 3 + k] = row[i]
+    entry = 0
+    for i in range(7):
+        for j in range(7):
+            value = 0.0
+            for k in range(6):
+                for m in range(6):
+                    value += turn[i, k] * tangent[k, m] * turn[j, m]
+            entries[entry, 0], entries[entry, 1], entries[entry, 2] = i, j, value
+            entry += 1
+    return True

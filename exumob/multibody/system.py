@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from exumob.driving.maneuver import Driver, FeedbackManeuver, Maneuver
+from exumob.ground.hull_contact import HullContact, no_hull_contact
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.multibody.applied_loads import LOADS, pack_parameters, vehicle_loads
@@ -28,7 +29,7 @@ from exumob.multibody.reactions import constraint_wrenches
 from exumob.multibody.recorder import Recorder, SystemState
 from exumob.multibody.rigid_body import add_force, generalized_moment, point_motion, rotation_matrix
 from exumob.multibody.settling import SETTLING_MICRO_STEP, Start, relax
-from exumob.multibody.soil_contact import DAMPING_ENTRIES, soil_damping
+from exumob.multibody.soil_contact import DAMPING_ENTRIES, HULL_ENTRIES, hull_tangent, soil_damping
 from exumob.multibody.solver_settings import LOOSER, SPECTRAL_RADIUS, TOLERANCE, integration_settings
 from exumob.support.arrays import Array
 from exumob.support.errors import SimulationError
@@ -80,6 +81,8 @@ class MultibodyVehicle:
         Let each load enter as a user function of Exudyn, as its users write them, not all of them as one vector.
     forces : sequence of PointForce
         Forces of the user's own.
+    hull : HullContact, optional
+        How the hull meets the ground; None: they do not touch each other.
 
     Notes
     -----
@@ -99,6 +102,7 @@ class MultibodyVehicle:
         standstill_rate: float = 0.05,
         user_loads: bool = False,
         forces: Sequence[PointForce] = (),
+        hull: HullContact | None = None,
     ) -> None:
         """Build the system at ride height on the terrain."""
         self.vehicle = vehicle
@@ -107,7 +111,9 @@ class MultibodyVehicle:
         self._driver: Driver | None = None  # of a maneuver with feedback, while driving
         self._looks = 0
         self.micro_step = micro_step
-        self.parameters = pack_parameters(vehicle, soil, terrain, standstill_rate)
+        hull = no_hull_contact() if hull is None else hull
+        self._hull_points = hull.points
+        self.parameters = pack_parameters(vehicle, soil, terrain, hull, standstill_rate)
         self.loads = np.zeros(1, LOADS)
         self._generalized = np.zeros(63)
         origins = np.vstack([vehicle.hull_origin, vehicle.wheel_centers])
@@ -116,7 +122,8 @@ class MultibodyVehicle:
         ]
         self.energy_account = np.zeros(1, ENERGY_ACCOUNT)
         self._heights = terrain.as_arrays()[1]
-        self._ground_normal = standing_pose(vehicle, terrain)[1][:, 2]
+        pose = standing_pose(vehicle, terrain, hull.points["position"] + vehicle.hull_origin)
+        self._ground_normal = pose[1][:, 2]
         self._command = DrivingCommand()
         self.start_kind = ""
         """How the run started, see `exumob.multibody.settling.Start`"""
@@ -126,7 +133,7 @@ class MultibodyVehicle:
 
         self._container = exu.SystemContainer()
         self.mbs = self._container.AddSystem()
-        joints = assemble(self.mbs, vehicle, terrain, self._command, self.loads[0] if user_loads else None)
+        joints = assemble(self.mbs, vehicle, pose, self._command, self.loads[0] if user_loads else None)
         self._joints = joints
         data = self.mbs.systemData
         self._q = data.GetODE2Coordinates(copy=False)  # live views
@@ -136,7 +143,7 @@ class MultibodyVehicle:
         self._reference = np.array(data.GetODE2Coordinates(configuration=exu.ConfigurationType.Reference))
         self._steering_rows = np.array([data.GetObjectLTGAE(i)[0] for i in joints.steering], dtype=np.int64)
         self._spin_rows = np.array([data.GetObjectLTGAE(i)[0] for i in joints.spin], dtype=np.int64)
-        self._damping_entries = np.zeros((DAMPING_ENTRIES, 3))
+        self._damping_entries = np.zeros((DAMPING_ENTRIES + HULL_ENTRIES, 3))
         unknowns = len(self._q) + len(self._multipliers)
         self._residual_scale = vehicle.mass * float(self.parameters[0]["gravity"]) / np.sqrt(unknowns)
         self._settings = integration_settings(micro_step, duration, TOLERANCE * self._residual_scale)
@@ -269,7 +276,10 @@ class MultibodyVehicle:
     def _apply_loads(self, time: float) -> None:
         if self._forces:
             self._apply_forces(time if self._driving else 0.0)
-        vehicle_loads(self.parameters, self._heights, self._q, self._v, self._reference, self.loads, self._generalized)
+        vehicle_loads(
+            self.parameters, self._heights, self._hull_points, self._q, self._v, self._reference, self.loads,
+            self._generalized,
+        )  # fmt: skip
         if self._joints.force_object is not None:
             self.mbs.SetObjectParameter(self._joints.force_object, "forceVector", self._generalized)
 
@@ -295,13 +305,16 @@ class MultibodyVehicle:
     def _load_jacobian(
         self, mbs: Any, time: float, factor: float, factor_velocity: float, factor_first_order: float
     ) -> Any:
-        """Add the soil's damping to the Newton matrix: without it, rest on firm soil costs many iterations."""
-        soil_damping(
-            self.parameters, self._heights, self._q, self._v, self._reference, factor_velocity, self._damping_entries
-        )
+        """Add what the soil does to the Newton matrix: without it, rest on firm soil costs many iterations."""
+        entries = self._damping_entries
+        soil_damping(self.parameters, self._heights, self._q, self._v, self._reference, factor_velocity, entries)
+        touches = hull_tangent(
+            self.parameters, self._heights, self._hull_points, self._q, self._v, self._reference, factor,
+            factor_velocity, entries[DAMPING_ENTRIES:],
+        )  # fmt: skip
         matrix = exu.MatrixContainer()
         n = len(self._q) + len(self._multipliers)
-        matrix.SetWithSparseMatrix(self._damping_entries, numberOfRows=n, numberOfColumns=n)
+        matrix.SetWithSparseMatrix(entries if touches else entries[:DAMPING_ENTRIES], numberOfRows=n, numberOfColumns=n)
         return matrix
 
     def _account(self, time: float) -> float:

@@ -89,16 +89,15 @@ def check_start_on_terrain(vehicle: Vehicle, terrain: Terrain) -> None:
 
 
 def warn_of_ground(vehicle: Vehicle, run: xr.Dataset) -> None:
-    """Warn if the hull went into the soil, which does not push back, or if a body left the field of heights."""
+    """Warn if the hull touched the ground, or if a body left the field of heights."""
     if run.sizes["time"] == 0:
         return
-    clearance = run["keel_clearance"]
-    lowest = float(clearance.min())
-    if lowest < 0.0:
+    share = run["hull_load_share"].values
+    if (share > 0.0).any():
         logger.warning(
-            "%s: the hull came %.3f m below the soil surface, first at %.2f s; contact of hull and soil is not "
-            "modelled, so the run is too favourable from then on. Use a firmer soil or a higher ground_clearance.",
-            vehicle.name, -lowest, float(run["time"][np.argmax(clearance.values < 0.0)]),
+            "%s: the hull touched the ground, first at %.2f s; it bore up to %.0f %% of the weight, and sank in by up "
+            "to %.3f m.", vehicle.name, float(run["time"][np.argmax(share > 0.0)]), 100.0 * float(np.nanmax(share)),
+            -float(run["keel_clearance"].min()),
         )  # fmt: skip
     outside = run["outside_terrain"].values
     if outside.any():

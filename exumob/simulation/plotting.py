@@ -145,12 +145,15 @@ def plot_yaw(axes: Axes, dataset: xr.Dataset, **style: Any) -> list[Artist]:
 
 
 def plot_wheel_loads(axes: Axes, dataset: xr.Dataset, **style: Any) -> list[Artist]:
-    """Upward force of the soil on each wheel."""
+    """Upward force of the soil on each wheel, and on the hull if it touched the ground."""
     axes.set(xlabel="time [s]", ylabel="soil reaction [N]")
     artists: list[Artist] = []
     for k, wheel in enumerate(WHEELS):
         load = dataset["soil_force"].sel(wheel=wheel, axis="z")
         artists += axes.plot(dataset["time"], load, label=wheel.replace("_", " "), **({"color": f"C{k}"} | style))
+    if "hull_soil_force" in dataset and bool((dataset["hull_soil_force"] != 0.0).any()):
+        load = dataset["hull_soil_force"].sel(axis="z")
+        artists += axes.plot(dataset["time"], load, label="hull", **({"color": "k", "ls": "--"} | style))
     return artists
 
 

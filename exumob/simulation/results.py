@@ -47,8 +47,20 @@ VARIABLES = {
     "slip_angle": ("time wheel", "rad", "angle of the wheel's velocity to its plane"),
     "soil_force": ("time wheel axis", "N", "force of the soil on the tyre, world axes"),
     "soil_moment": ("time wheel axis", "N m", "moment of the soil about the wheel centre, world axes"),
+    "hull_soil_force": ("time axis", "N", "force of the soil on the hull, world axes"),
+    "hull_soil_moment": ("time axis", "N m", "moment of the soil about the hull's origin, world axes"),
+    "hull_contact_center": (
+        "time axis",
+        "m",
+        "centre of the soil's pressure on the hull, world axes; nan without contact",
+    ),
+    "hull_load_share": ("time", "1", "share of the weight that the soil bears under the hull"),
     "suspension_force": ("time wheel", "N", "spring, damper and stops, pushing wheel and hull apart"),
-    "keel_clearance": ("time", "m", "smallest height of the hull above the soil surface"),
+    "keel_clearance": (
+        "time",
+        "m",
+        "smallest height of the hull above the undisturbed soil surface; negative: it has sunk in",
+    ),
     "outside_terrain": ("time body", "1", "1 where a wheel's centre or a part of the hull is outside the height field"),
     "suspension_stroke": ("time wheel", "m", "wheel above its ride height in the hull"),
     "flow_state": ("time body state", "rad, m s-1, m", "states of paper Eq. 7"),
@@ -136,6 +148,12 @@ def build_dataset(
         "slip_angle": loads["slip_angle"],
         "soil_force": loads["soil_force"],
         "soil_moment": loads["soil_moment"],
+        "hull_soil_force": loads["hull_soil"]["force"],
+        "hull_soil_moment": loads["hull_soil"]["moment"],
+        "hull_contact_center": np.where(
+            loads["hull_soil"]["sinkage"][:, None] > 0.0, loads["hull_soil"]["center"], np.nan
+        ),
+        "hull_load_share": loads["hull_soil"]["force"][:, 2] / (GRAVITY * masses.sum()),
         "suspension_force": loads["suspension_force"],
         "keel_clearance": keel_clearance(vehicle, run.terrain, states),
         "outside_terrain": outside_terrain(vehicle, run.terrain, states).astype(np.int8),
@@ -202,7 +220,7 @@ def _force_balance(records: np.ndarray, states: BodyStates, masses: Array) -> di
     loads = records["loads"]
     shape = states.position.shape
     soil, gravity, suspension, constraint = (np.zeros(shape) for _ in range(4))
-    soil[:, 1:] = loads["soil_force"]
+    soil[:, 0], soil[:, 1:] = loads["hull_soil"]["force"], loads["soil_force"]
     water = np.einsum("nbij,nbj->nbi", states.rotation, loads["water_wrench"][..., :3])
     gravity[:, :, 2] = -GRAVITY * masses
     spring = loads["suspension_force"][..., None] * states.rotation[:, 0, None, :, 2]

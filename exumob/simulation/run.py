@@ -16,6 +16,7 @@ from exumob.coupling.macro_step import FollowFlow
 from exumob.coupling.scheme import Coupling, Scheme, checked_wrenches
 from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.driving.maneuver import Maneuver, lane_change
+from exumob.ground.hull_contact import hull_contact
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.multibody.applied_loads import vehicle_loads
@@ -41,6 +42,7 @@ from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.point_force import PointForce
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics, SpinUpHydrodynamics
+from exumob.water.wetted_surface import hull_triangles
 
 logger = logging.getLogger(__name__)
 
@@ -171,7 +173,7 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
     say_compilation("the vehicle model", vehicle_loads, "half a minute to a minute")
     model = MultibodyVehicle(
         run.vehicle, run.soil, run.maneuver, run.terrain, steps.micro_step, steps.duration, steps.record_step,
-        user_loads=run.user_loads, forces=run.forces,
+        user_loads=run.user_loads, forces=run.forces, hull=hull_contact(hull_triangles(run.vehicle), run.terrain),
     )  # fmt: skip
     scheme.start()
     first = 0

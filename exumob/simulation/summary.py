@@ -21,6 +21,8 @@ FIGURES: dict[str, tuple[str, str]] = {
     "drift_angle": ("rad", "course less heading at the end"),
     "mean_slip": ("1", "mean slip ratio of the wheels in contact, second half of the run; nan without contact"),
     "buoyed_share": ("1", "mean upward force of the water over the weight"),
+    "hull_load_share": ("1", "largest share of the weight that the soil bore under the hull"),
+    "least_clearance": ("m", "smallest height of the hull above the soil surface; negative: it sank in"),
     "spin_energy": ("J", "work of the driving torques"),
     "wall_time": ("s", "time of computing"),
     "real_time_factor": ("1", "simulated over wall time"),
@@ -47,6 +49,8 @@ def summary(dataset: xr.Dataset) -> dict[str, Any]:
         - drift_angle [rad]: course less heading at the end;
         - mean_slip [-]: mean slip ratio of the wheels in contact over the second half of the run; nan if none was;
         - buoyed_share [-]: mean upward force of the water over the weight;
+        - hull_load_share [-]: largest share of the weight that the soil bore under the hull; least_clearance [m] of the
+          hull above the soil surface; neither for runs that do not hold them;
         - spin_energy [J]: work of the driving torques;
         - wall_time [s]; real_time_factor [-]: simulated over wall time;
         - with networks: out_of_range_share [-], the part of the time in which some body was outside the training
@@ -83,11 +87,21 @@ def summary(dataset: xr.Dataset) -> dict[str, Any]:
         "drift_angle": float((course - yaw + np.pi) % (2 * np.pi) - np.pi),
         "mean_slip": float(later["slip_ratio"].mean()),
         "buoyed_share": lift / weight,
+        **_hull_figures(dataset),
         "spin_energy": float(dataset["work"].sel(work_kind="spin")[-1]),
         "wall_time": wall,
         "real_time_factor": end / wall if wall > 0.0 else float("inf"),
         **range_shares(dataset),
         **_member_spreads(dataset),
+    }
+
+
+def _hull_figures(dataset: xr.Dataset) -> dict[str, float]:
+    if not {"hull_load_share", "keel_clearance"} <= set(dataset):
+        return {}
+    return {
+        "hull_load_share": float(dataset["hull_load_share"].max()),
+        "least_clearance": float(dataset["keel_clearance"].min()),
     }
 
 

@@ -1,6 +1,6 @@
 """The verdict on a run: whether the vehicle drove, and if not, what befell it, since when.
 
-A run that ended without an error may still have ended stuck, afloat or on its side. `judge` looks for seven conditions,
+A run that ended without an error may still have ended stuck, afloat or on its side. `judge` looks for eight conditions,
 `CONDITIONS`, in what was recorded. Each counts once it has lasted a while (`VerdictLimits.persistence`): a wheel that
 hops or a hull that pitches for an instant is none. The limits scale with the vehicle, so that two vehicles that are
 Froude-similar in similar water get the same verdict.
@@ -12,7 +12,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -35,7 +35,8 @@ CONDITIONS: dict[str, str] = {
     "sunk": "a wheel is in the soil to its centre",
     "swept away": "the water moves the vehicle against or aside of the motion that its wheels are commanded",
     "slides": "the vehicle moves against or aside of that motion, and it is not the water that does it",
-    "afloat": "in water, the wheels bear hardly any weight",
+    "afloat": "in water, the ground bears hardly any weight",
+    "bottomed": "the wheels turn, and the vehicle does not advance, for the hull rests on the soil",
     "stuck": "the wheels turn and the vehicle does not advance",
 }
 """What can befall a vehicle, worst first, with its meaning."""
@@ -79,7 +80,9 @@ class VerdictLimits(Declared):
     swept_angle: Annotated[float, ANGLE] = math.radians(45.0)
     """Least angle between the course and the commanded one that counts as such: by default, more aside than ahead"""
     wheel_load: Annotated[float, SHARE] = 0.05
-    """Share of the weight on the wheels below which the vehicle is afloat"""
+    """Share of the weight on the ground below which the vehicle is afloat"""
+    belly_share: Annotated[float, SHARE] = 0.1
+    """Share of the weight on the hull from which it is the hull that holds a stuck vehicle"""
     tilt: Annotated[float, ANGLE] = math.radians(45.0)
     """Largest angle between the hull's upright axis and the vertical; a vehicle with so high a centre of mass that its
     weight falls beside its wheels before has tipped then"""
@@ -128,7 +131,7 @@ class Verdict:
     conditions: tuple[Condition, ...] = ()
     """All conditions that held for long enough, worst first"""
     flags: Flags | None = None
-    """Which of `CONDITIONS` holds when, shape (n, 7)"""
+    """Which of `CONDITIONS` holds when, shape (n, 8)"""
     limits: VerdictLimits = VerdictLimits()
 
     def figures(self) -> dict[str, float | str]:
@@ -228,7 +231,8 @@ def judge(run: xr.Dataset, limits: VerdictLimits | None = None, vehicle: Vehicle
         depth = 0.0 if water is None else float(water["depth"])
     except (KeyError, TypeError, AttributeError):
         raise ValueError("judge: the run's attribute parameters does not describe its water.") from None
-    return _judged(run, limits, size, depth)
+    verdict = _judged(run, limits, size, depth)
+    return replace(verdict, sentence=_joined(verdict.sentence, _touch(run, size)))
 
 
 def wheel_load_share(run: xr.Dataset, vehicle: Vehicle | None = None) -> Array:
@@ -243,6 +247,31 @@ def wheel_load_share(run: xr.Dataset, vehicle: Vehicle | None = None) -> Array:
     """
     borne = run["soil_force"].sel(axis="z").sum("wheel").values.astype(float)
     return np.asarray(borne / _dimensions(run, vehicle).weight)
+
+
+def _hull_force(run: xr.Dataset) -> Array:
+    """Upward force of the soil on the hull [N], shape (n,); 0 in a run that does not know it."""
+    if "hull_soil_force" not in run:
+        return np.zeros(run.sizes["time"])
+    return np.asarray(run["hull_soil_force"].sel(axis="z").values, float)
+
+
+def _touch(run: xr.Dataset, size: _Dimensions) -> str:
+    """Say when and where the hull first touched the ground, and what it bore; empty if it never did."""
+    borne = _hull_force(run)
+    touching = np.flatnonzero(borne > 0.0)
+    if len(touching) == 0:
+        return ""
+    first = int(touching[0])
+    where = ""
+    if "hull_contact_center" in run:
+        x, y, _ = run["hull_contact_center"].values[first]
+        where = f" at x = {x:.2f} m, y = {y:.2f} m"
+    most = 100.0 * float(np.nanmax(borne)) / size.weight
+    return (
+        f"the hull first touched the ground at {float(run['time'][first]):.2f} s{where} and bore up to "
+        f"{most:.0f} % of the weight"
+    )
 
 
 def _parameters(run: xr.Dataset) -> dict[str, Any]:
@@ -386,7 +415,8 @@ def _findings(
     standstill, least = limits.standstill_speed * unit, limits.swept_speed * unit
     hull = run.sel(body="hull")
     pitch, roll = hull["pitch"].values.astype(float), hull["roll"].values.astype(float)
-    load = run["soil_force"].sel(axis="z").sum("wheel").values / size.weight
+    on_hull = _hull_force(run) / size.weight
+    load = run["soil_force"].sel(axis="z").sum("wheel").values / size.weight + on_hull
     mean_load = mean(load)
 
     # tipped: the plumb line through the centre of mass, in the hull's axes, meets the ground beside the wheels
@@ -428,7 +458,7 @@ def _findings(
 
     afloat = _Finding(
         wet & (load < limits.wheel_load), wet & (mean_load < limits.wheel_load), 100.0 * load,
-        "{:.0f} % of the weight on the wheels",
+        "{:.0f} % of the weight on the ground",
     )  # fmt: skip
 
     ahead = motion.ahead
@@ -439,7 +469,12 @@ def _findings(
         100.0 * np.divide(mean(ahead), commanded, out=np.zeros_like(ahead), where=wanted),
         "{:.0f} % of the speed of its tyres",
     )
-    findings = dict(zip(CONDITIONS, (tipped, submerged, sunk, swept, slides, afloat, stuck), strict=True))
+    bottomed = _Finding(
+        stuck.now & (on_hull > limits.belly_share), stuck.ahead & (mean(on_hull) > limits.belly_share),
+        100.0 * on_hull, "{:.0f} % of the weight on the hull",
+    )  # fmt: skip
+    found = (tipped, submerged, sunk, swept, slides, afloat, bottomed, stuck)
+    findings = dict(zip(CONDITIONS, found, strict=True))
     return findings, not bool(wanted.any())
 
 

@@ -323,6 +323,12 @@ def _verify_forces(forces: Any) -> None:
             finite(f"WheelSoilForces.{f.name}", value)
 
 
+def _verify_points(contact: Any) -> None:
+    for name in ("position", "normal", "area"):
+        finite(f"HullContact.points.{name}", contact.points[name])
+    finite("HullContact.record.width", contact.record["width"])
+
+
 def _verify_cases(cases: Any) -> None:
     for case in cases[:50]:
         for name, value in case.items():
@@ -345,6 +351,7 @@ def function_targets() -> list[Target]:
     from exumob.driving.path_following import lane_shift
     from exumob.flow.grid import Grid
     from exumob.flow.vehicle_window import vehicle_window
+    from exumob.ground.hull_contact import hull_contact
     from exumob.learning.examples import training_runs
     from exumob.mobility.crossing import Limits, judge_crossing
     from exumob.mobility.map import compute_map
@@ -358,6 +365,7 @@ def function_targets() -> list[Target]:
     from exumob.sweeps.study import from_options, parse_variation
     from exumob.sweeps.tuning import tune
     from exumob.towing_tank.run import captive_run
+    from exumob.water.wetted_surface import box_surface
 
     vehicle, sand, water = (EXAMPLES[c][0].make() for c in (exumob.Vehicle, exumob.Soil, exumob.Water))
     experiment = EXAMPLES[examples.Experiment][0].make()
@@ -376,6 +384,9 @@ def function_targets() -> list[Target]:
         f("lane_shift", lane_shift, {}),
         f("unusual", exumob.unusual, {"value": 1.0}),
         f("wheel_soil_forces", exumob.wheel_soil_forces, contact, verify=_verify_forces, weight=2),
+        f("hull_contact", hull_contact, {
+            "triangles": box_surface(1.0, 0.5, 0.2).triangles, "terrain": exumob.Terrain(),
+        }, verify=_verify_points),
         f("load_dataset", exumob.load_dataset, {"file": "none.nc"}, files=True, clear=(ValueError, FileNotFoundError)),
         f("load_vehicle", exumob.load_vehicle, {"file": "none.py"}, files=True, clear=(ValueError, FileNotFoundError)),
         f("save_dataset", exumob.save_dataset, {"dataset": EXAMPLES[examples.xr.Dataset][0].make(), "file": "x.nc"},

@@ -48,6 +48,16 @@ CASES = {
     "stuck": {"forward": after(3.0, 0.01, 0.8)},
     "stuck backward": {"tread": -1.0, "forward": after(3.0, -0.01, -0.8)},
     "afloat": {"load": after(3.0, 0.03, 0.6)},
+    "bottomed": {"belly": after(3.0, 0.3, 0.0), "forward": after(3.0, 0.01, 0.8), "depth": 0.0},
+    "bottomed backward": {"tread": -1.0, "belly": after(3.0, 0.3, 0.0), "forward": after(3.0, 0.0, -0.8)},
+    "bottomed, half afloat": {
+        "load": after(3.0, 0.0, 0.6),
+        "belly": after(3.0, 0.2, 0.0),
+        "forward": after(3.0, 0.0, 0.8),
+    },
+    "drives, dragging its belly": {"belly": after(3.0, 0.3, 0.0), "forward": 0.3},
+    "stands on its belly": {"tread": 0.0, "forward": 0.0, "belly": 0.4},
+    "stuck, hardly touching": {"belly": after(3.0, 0.05, 0.0), "forward": after(3.0, 0.01, 0.8)},
     "swept away sideways": {"lateral": after(3.0, 0.9, 0.0), "push": (0.0, 50.0)},
     "swept away backward": {"forward": after(3.0, -0.2, 0.8), "push": (-60.0, 0.0)},
     "swept away on locked wheels": {"tread": 0.0, "forward": after(3.0, -0.1, 0.0), "push": (-60.0, 0.0)},
@@ -84,7 +94,12 @@ def test_sentences_name_what_was_measured():
         return judge(made_up_run(**CASES[name])).sentence
 
     assert sentence("stuck") == "stuck since 3.00 s: 1 % of the speed of its tyres"
-    assert sentence("afloat") == "afloat since 3.00 s: 3 % of the weight on the wheels"
+    assert sentence("bottomed") == (
+        "bottomed since 3.00 s: 30 % of the weight on the hull; the hull first touched the ground at 3.00 s at x = "
+        "2.50 m, y = 0.00 m and bore up to 30 % of the weight"
+    )
+    assert sentence("drives, dragging its belly").startswith("drives: 0.30 m/s, 30 % of the speed of its tyres at ")
+    assert sentence("afloat") == "afloat since 3.00 s: 3 % of the weight on the ground"
     assert sentence("tipped to the side") == "tipped since 3.00 s: tilted by 52 degrees"
     assert sentence("submerged") == "submerged since 3.00 s: the hull's top is 0.122 m under water"
     assert sentence("sunk") == "sunk since 3.00 s: a wheel is 95 % of its radius in the soil"
