@@ -28,8 +28,6 @@ from exudyn.itemInterface import (
 )
 from exudyn.utilities import RigidBodyInertia
 
-from exumob.ground.terrain import Terrain
-from exumob.multibody.placing import standing_pose
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.vehicle.parameters import Vehicle, Wishbones
@@ -60,23 +58,25 @@ class Joints(NamedTuple):
     """Takes the generalised forces of all loads; None where each load is a user function"""
 
 
-def assemble(mbs: Any, vehicle: Vehicle, terrain: Terrain, command: DrivingCommand, loads: np.void | None) -> Joints:
-    """Build the vehicle at ride height on the terrain, and assemble the system.
+def assemble(
+    mbs: Any, vehicle: Vehicle, pose: tuple[Array, Array], command: DrivingCommand, loads: np.void | None
+) -> Joints:  # fmt: skip
+    """Build the vehicle at ride height in a pose, and assemble the system.
 
     Parameters
     ----------
     mbs : exudyn.MainSystem
         Empty.
     vehicle : Vehicle
-    terrain : Terrain
-        The vehicle stands at the world's origin, laid on the ground under its wheels.
+    pose : (array, array)
+        Place [m] and rotation of the design frame (`exumob.multibody.placing.standing_pose`).
     command : DrivingCommand
         The steering constraints read their rates from it while the system runs.
     loads : record of dtype `exumob.multibody.applied_loads.LOADS`, optional
         Read by user loads while the system runs. None: one object takes the generalised forces of all loads.
     """
     suspensions = [suspension for suspension in vehicle.axle_suspensions for _ in range(2)]
-    hull, uprights, wheels = _add_bodies(mbs, vehicle, terrain)
+    hull, uprights, wheels = _add_bodies(mbs, vehicle, pose)
     node = mbs.AddNode(NodePointGround())
     ground = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=node, coordinate=0))
     steering, spin = [], []
@@ -113,9 +113,9 @@ def assemble(mbs: Any, vehicle: Vehicle, terrain: Terrain, command: DrivingComma
     return Joints(steering, spin, force_object)
 
 
-def _add_bodies(mbs: Any, vehicle: Vehicle, terrain: Terrain) -> tuple[int, list[int], list[int]]:
+def _add_bodies(mbs: Any, vehicle: Vehicle, pose: tuple[Array, Array]) -> tuple[int, list[int], list[int]]:
     """Hull, uprights and wheels at ride height; returns their numbers."""
-    origin, tilt = standing_pose(vehicle, terrain)
+    origin, tilt = pose
 
     def add_body(name: str, mass: float, inertia: Array, position: Array) -> int:
         body: int = mbs.CreateRigidBody(

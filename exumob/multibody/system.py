@@ -36,6 +36,7 @@ from exumob.support.exudyn import exu
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.point_force import PointForce
+from exumob.vehicle.start_pose import StartPose
 
 logger = logging.getLogger(__name__)
 
@@ -80,6 +81,8 @@ class MultibodyVehicle:
         Let each load enter as a user function of Exudyn, as its users write them, not all of them as one vector.
     forces : sequence of PointForce
         Forces of the user's own.
+    start : StartPose, optional
+        Where the vehicle stands at time 0; default: at the world's origin, heading along world x.
 
     Notes
     -----
@@ -99,6 +102,7 @@ class MultibodyVehicle:
         standstill_rate: float = 0.05,
         user_loads: bool = False,
         forces: Sequence[PointForce] = (),
+        start: StartPose | None = None,
     ) -> None:
         """Build the system at ride height on the terrain."""
         self.vehicle = vehicle
@@ -115,8 +119,13 @@ class MultibodyVehicle:
             (force, force.body_number, np.array(force.point) - origins[force.body_number]) for force in forces
         ]
         self.energy_account = np.zeros(1, ENERGY_ACCOUNT)
-        self._heights = terrain.as_arrays()[1]
-        self._ground_normal = standing_pose(vehicle, terrain)[1][:, 2]
+        start = StartPose() if start is None else start
+        place, tilt = standing_pose(vehicle, terrain, start)
+        # the system counts from the start: coordinates of a map would take digits from sinkage and constraints
+        self._about = np.array([start.x, start.y, terrain.height_and_normal(start.x, start.y)[0]])
+        local, self._heights = terrain.as_arrays(tuple(self._about.tolist()))
+        self.parameters["terrain"] = local
+        self._ground_normal = tilt[:, 2]
         self._command = DrivingCommand()
         self.start_kind = ""
         """How the run started, see `exumob.multibody.settling.Start`"""
@@ -126,7 +135,9 @@ class MultibodyVehicle:
 
         self._container = exu.SystemContainer()
         self.mbs = self._container.AddSystem()
-        joints = assemble(self.mbs, vehicle, terrain, self._command, self.loads[0] if user_loads else None)
+        joints = assemble(
+            self.mbs, vehicle, (place - self._about, tilt), self._command, self.loads[0] if user_loads else None
+        )  # fmt: skip
         self._joints = joints
         data = self.mbs.systemData
         self._q = data.GetODE2Coordinates(copy=False)  # live views
@@ -143,7 +154,11 @@ class MultibodyVehicle:
         self._solver = exu.MainSolverImplicitSecondOrder()
         self._constraints = Constraints(self.mbs, self._q, self._v, self._multipliers, self._spin_rows)
         self._predictor = Predictor(self._q, self._v, self._a, self._multipliers, NewmarkFactors.of(SPECTRAL_RADIUS))
-        self._recorder = Recorder(SystemState(self._q, self._v, self._a, self._reference), duration, record_step)
+        about = np.tile([*self._about, 0.0, 0.0, 0.0, 0.0], len(self._reference) // 7)
+        self._recorder = Recorder(
+            SystemState(self._q, self._v, self._a, self._reference + about),
+            duration, record_step,
+        )  # fmt: skip
 
     # -- running -----------------------------------------------------------------------------------------------------
 
@@ -281,7 +296,7 @@ class MultibodyVehicle:
         arm, position, velocity = np.empty(3), np.empty(3), np.empty(3)
         for force, body, place in self._forces:  # bodies 1 to 4 are the uprights
             point_motion(node[body], rate[body], place, arm, position, velocity)
-            add_force(force.at(time, position.copy(), velocity.copy()), arm, wrenches[body])
+            add_force(force.at(time, position + self._about, velocity.copy()), arm, wrenches[body])
 
     def _before_residual(self, mbs: Any, time: float, newton_iteration: int, discontinuous_iteration: int) -> None:
         if newton_iteration == 0:

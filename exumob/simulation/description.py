@@ -11,6 +11,7 @@ from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.point_force import PointForce
+from exumob.vehicle.start_pose import AT_ORIGIN, StartPose
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics
 
@@ -41,6 +42,8 @@ class RunDescription:
     """Speed at time 0 along the heading [m/s]"""
     forces: tuple[PointForce, ...] = ()
     """Forces of the user's own"""
+    start: StartPose = AT_ORIGIN
+    """Where the vehicle begins, and its heading there"""
 
     def parts(self) -> dict[str, Any]:
         """Return the parts by name; the steps as a dict of numbers [s]."""

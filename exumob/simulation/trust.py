@@ -332,12 +332,14 @@ def _water_departures(
         low, high = (end(row["depth_ratio"] for row in rows) for end in (min, max))
         yield Departure("depth ratio", (0.0,), _span(low, high))
         return
+    if water.depth is None:
+        yield Departure("water", ("a level over terrain" if water.field is None else "a field",), "one depth")
     for quantity, value, name, unit in (
-        ("depth ratio", water.depth / vehicle.wheel.diameter, "depth_ratio", ""),
+        ("depth ratio", math.nan if water.depth is None else water.depth / vehicle.wheel.diameter, "depth_ratio", ""),
         ("current", water.current_speed, "current_speed", "m/s"),
     ):
         low, high = (end(row[name] for row in rows) for end in (min, max))
-        if not low - 1e-6 <= value <= high + 1e-6:
+        if value < low - 1e-6 or value > high + 1e-6:
             yield Departure(quantity, (value,), _span(low, high), unit)
     aside = abs(math.degrees(math.remainder(water.current_direction - math.pi, 2.0 * math.pi)))
     if water.current_speed > 0.0 and aside > 0.5:
@@ -461,6 +463,8 @@ def _is_published(soil: Soil) -> bool:
 
 def _nearest(vehicle: Vehicle, water: Water, rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
     """Find the measured run whose water is nearest, if it is near: within half the spacing of the measured ones."""
+    if water.depth is None:
+        return None
     depth = water.depth / vehicle.wheel.diameter
     away = [math.hypot((row["depth_ratio"] - depth) / 0.1, (row["current_speed"] - water.current_speed) / 0.5)
             for row in rows]  # fmt: skip

@@ -66,6 +66,12 @@ def read_table(file: str | Path) -> dict[str, Array]:
     return dict(zip(names, np.ascontiguousarray(found.T), strict=True))
 
 
+def row_lines(file: str | Path) -> list[int]:
+    """Return the number of the line of each row of a table that `read_table` reads, for messages."""
+    path = Path(file)
+    return [line for line, _, _ in _rows(path, _text(path))[1:]]
+
+
 def _text(path: Path) -> str:
     try:
         if os.path.getsize(path) > LARGEST:

@@ -157,7 +157,7 @@ class Experiment(Declared):
         self.check_names([name])
         owner, _, rest = name.partition(".")
         if name == "water.depth_ratio":
-            return 0.0 if self.water is None else self.water.depth / self.vehicle.wheel.diameter
+            return 0.0 if self.water is None else self.water.uniform_depth / self.vehicle.wheel.diameter
         if name in ("micro_step", "macro_step") and getattr(self, name) is None:
             return getattr(setting_named(self.setting), name)
         if name == "initial_speed" and self.initial_speed is None:
