@@ -231,7 +231,8 @@ def check_loads(states: BodyStates, wrench: Array, water: Water, name: str) -> N
                 raise ValueError(
                     f"{name}: {what} of {largest:.3g} {unit} are {largest / scale:.3g} times what "
                     f"{water.uniform_depth:g} m of water exert on a vehicle of this size at this speed, about "
-                    f"{scale:.3g} {unit} (limit: {most:g} times); look at the unit of the loads, and at those of length and time."
+                    f"{scale:.3g} {unit} (limit: {most:g} times); look at the unit of the loads, and at "
+                    "those of length and time."
                 )
     if not np.abs(wrench[..., :3]).max() > 0.0:
         raise ValueError(f"{name}: all forces of the water are 0; look at the columns of the loads.")
