@@ -258,7 +258,7 @@ def test_a_field_that_is_not_there_is_answered_by_the_nearest(make, message):
             make()
 
 
-@pytest.mark.parametrize("make", [lambda: WaterField(), lambda: Water(*range(7)), lambda: Water(0.1, depth=0.1)])
+@pytest.mark.parametrize("make", [lambda: Terrain.slope(), lambda: Water(*range(7)), lambda: Water(0.1, depth=0.1)])
 def test_other_mistakes_of_a_call_stay_what_python_says(make):
     with pytest.raises(TypeError, match="argument"):
         make()
