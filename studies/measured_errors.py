@@ -124,7 +124,8 @@ def main(quick: bool = False) -> dict[str, Any]:
     models: dict[str, Hydrodynamics] = {"networks": ensemble, "coefficients": CoefficientHydrodynamics()}
     chosen = UNSEEN[:1] if quick else (*TRAINING, *UNSEEN)
     references = load_runs(CFD_RUNS / f"{s.file_stem}.nc" for s in chosen)
-    micro_step, macro_step = setting_named(DEFAULT_SETTING).steps(flow_in_loop=False)
+    setting = setting_named(DEFAULT_SETTING)
+    micro_step, macro_step = setting.micro_step, setting.macro_step
     rows = []
     for scenario in chosen:
         row: dict[str, Any] = {

@@ -27,4 +27,4 @@ class Explicit(Scheme):
         step = end_time - begin
         wrenches = checked_wrenches(hydrodynamics, bodies.history, lambda: bodies.predict(step))
         bodies.advance(end_time, wrenches, self.trace.rate(wrenches, step))
-        self.trace.add(begin, wrenches, 1, float("nan"))
+        self.trace.add(begin, step, wrenches, 1, float("nan"))

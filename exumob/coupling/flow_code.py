@@ -114,7 +114,9 @@ class FlowCode(Protocol):
         """Return figures of the last `advance` for the result, such as iterations and residual.
 
         The names must always be the same, the values finite; the dict may be empty. The result holds them under
-        ``hydrodynamics_<name>``.
+        ``hydrodynamics_<name>``. Two are made use of: ``courant``, the largest Courant number of the code's own steps,
+        and ``steps``, the number of these; macro steps that follow the flow
+        (`exumob.coupling.macro_step.FollowFlow`) are chosen by their product.
         """
 
 

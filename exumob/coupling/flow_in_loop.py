@@ -215,6 +215,11 @@ class CfdHydrodynamics:
         self._reports.append(report)
         return wrenches
 
+    def courant_numbers(self, count: int) -> list[float]:
+        """Return the Courant number of the flow over each of the last `count` macro steps [-]; nan: not reported."""
+        last = self._reports[-count:] if count else []
+        return [report.get("courant", math.nan) * report.get("steps", 1.0) for report in last]
+
     def _advanced(self, time: float, poses: Poses) -> Array:
         """Advance the flow to a time [s]; return its loads, checked."""
         return checked_loads(type(self.flow).__name__, self.flow.advance(time, poses), len(poses.position), time)

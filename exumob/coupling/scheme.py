@@ -175,6 +175,7 @@ class Trace:
     def clear(self) -> None:
         """Forget all steps."""
         self.last_wrenches: Array | None = None
+        self.last_step = 0.0
         self.times: list[float] = []
         self.advances: list[float] = []
         self.residuals: list[float] = []
@@ -182,22 +183,34 @@ class Trace:
     def rate(self, wrenches: Array, step: float) -> Array | None:
         """Return the wrenches' change in time over a step of which they are the mean [N/s, N m/s]; None: held.
 
-        It is the slope of the line through the last mean and this one.
+        It is the slope of the line through the last mean and this one, each at the middle of its step.
         """
         if self.within_step == "held" or self.last_wrenches is None:
             return None
-        return (wrenches - self.last_wrenches) / step
+        return (wrenches - self.last_wrenches) / (0.5 * (self.last_step + step))
 
-    def add(self, time: float, wrenches: Array, advances: int, residual: float) -> None:
-        """Note a finished step: its begin [s], its mean wrenches, the advances of the water and the residual [-]."""
-        self.last_wrenches = np.array(wrenches)
+    def add(self, time: float, step: float, wrenches: Array, advances: int, residual: float) -> None:
+        """Note a finished step.
+
+        Parameters
+        ----------
+        time, step : float
+            Its begin and its length [s].
+        wrenches : array, shape (bodies, 6)
+            Their means over it [N, N m].
+        advances : int
+            How often the water was advanced over it.
+        residual : float
+            [-]
+        """
+        self.last_wrenches, self.last_step = np.array(wrenches), step
         self.times.append(time)
         self.advances.append(advances)
         self.residuals.append(residual)
 
     def save(self, histories: bool) -> dict[str, Any]:
         """See `Coupling.save`."""
-        saved: dict[str, Any] = {"last_wrenches": self.last_wrenches}
+        saved: dict[str, Any] = {"last_wrenches": self.last_wrenches, "last_step": self.last_step}
         if histories:
             saved |= {name: np.array(getattr(self, name)) for name in ("times", "advances", "residuals")}
         return saved
@@ -205,6 +218,7 @@ class Trace:
     def restore(self, saved: dict[str, Any]) -> None:
         """See `Coupling.restore`."""
         self.last_wrenches = None if saved["last_wrenches"] is None else np.array(saved["last_wrenches"])
+        self.last_step = float(saved["last_step"])
         for name in ("times", "advances", "residuals"):
             setattr(self, name, [float(value) for value in saved[name]])
 

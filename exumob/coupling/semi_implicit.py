@@ -21,6 +21,8 @@ LARGE_RESIDUAL = 0.2
 """Residual over the wrenches from which any growth counts [-]; sound runs stay below 0.18."""
 LARGE_GROWTH = 10.0
 """Growth of the residual over `SIGN_REVERSALS` steps that counts however small the residual is [-]."""
+SAME_STEP = 1e-6
+"""Rounding of a macro step, over it [-]."""
 NEWTON_ITERATIONS = 8
 """Most iterations for F, each an advance of the vehicle alone."""
 NEWTON_TOLERANCE = 1.0e-6
@@ -42,7 +44,8 @@ class SemiImplicit(Scheme):
 
     D is measured: from a saved state the flow is advanced once for each direction in which the bodies can move (ten for
     a vehicle). That is done at the start, every `renewal`, and at once when G* - F reverses its sign from step to step
-    and grows: this shows that D has become too small, as when a keel gets wet.
+    and grows: this shows that D has become too small, as when a keel gets wet. Where the macro step changes, D changes
+    in inverse proportion, as added mass over the step does.
     """
 
     renewal: Annotated[float, Quantity("s", at_least=1e-4, at_most=1e6)] = 0.25
@@ -79,8 +82,9 @@ class SemiImplicit(Scheme):
         if response.damping is None or begin >= response.due - 1e-9:
             response.compliance = self._measured_compliance(bodies, predicted, end_time)
             response.damping, trials = self._measured_damping(hydrodynamics, history, predicted, end_time)
-            response.due, response.residuals = begin + self.renewal, []
+            response.due, response.residuals, response.step = begin + self.renewal, [], step
             advances += trials
+        response.fit(step)
         assert response.damping is not None and response.compliance is not None
         answer = checked_wrenches(hydrodynamics, history, lambda: predicted)
         target = answer.ravel()
@@ -91,7 +95,7 @@ class SemiImplicit(Scheme):
         error = relative_difference(residual, answer)
         if response.has_become_too_small(residual, error):
             response.due = begin
-        trace.add(begin, applied, advances, error)
+        trace.add(begin, step, applied, advances, error)
 
     def _solve(
         self, bodies: Mechanism, predicted: BodyStates, target: Array, end_time: float
@@ -195,10 +199,20 @@ class WaterResponse:
     """dy/dF [m/(N s) and so on], shape (6 bodies, 6 bodies)"""
     missed: Array | None = None
     """y - y* of the last step [m/s, rad/s], shape (6 bodies,)"""
+    step: float = 0.0
+    """Macro step to which both belong [s]"""
     due: float = 0.0
     """Time at which D is measured again [s]"""
     residuals: list[Array] = field(default_factory=list)
     """G* - F of the last steps since D was measured [N, N m]"""
+
+    def fit(self, step: float) -> None:
+        """Bring D and dy/dF to another macro step [s]: D = A / step with the added mass A, and dy/dF grows with it."""
+        assert self.damping is not None and self.compliance is not None
+        if abs(step - self.step) > SAME_STEP * step:
+            self.damping = self.damping * (self.step / step)
+            self.compliance = self.compliance * (step / self.step)
+            self.step = step
 
     def has_become_too_small(self, residual: Array, relative: float) -> bool:
         """Note the residual G* - F of a step; tell whether the last ones show that D is too small.

@@ -90,7 +90,7 @@ class Strong(Scheme):
             bodies.restore(saved_bodies)
             hydrodynamics.restore(saved_water)
         memory.wrenches_before_last = trace.last_wrenches
-        trace.add(begin, applied, advances, error)
+        trace.add(begin, step, applied, advances, error)
 
 
 class AitkenRelaxation:

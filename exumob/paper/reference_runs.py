@@ -13,13 +13,15 @@ import os
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import xarray as xr
 
 from exumob.coupling.flow_code import BuiltInFlow
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
+from exumob.coupling.macro_step import FollowFlow
+from exumob.coupling.spin_up import FlowSpinUp
 from exumob.flow import FlowSettings
 from exumob.flow.vehicle_window import doubled_window, vehicle_window
 from exumob.ground.soil import Soil
@@ -34,6 +36,11 @@ CELL_SIZE = 0.018
 """Size of the cells round the vehicle in the runs of the data set [m].
 
 The gap beside a wheel at full lock has 1.3 cells; two would be needed to resolve it."""
+COURANT = 0.5
+"""Courant number at which the flow divides its steps in them [-]: the largest at which the transport of the fraction
+stays bounded. Macro steps that follow the flow keep to nine tenths of it."""
+MICRO_STEP = 2.5e-4
+"""Step of the vehicle in them [s]."""
 SOIL = "LETE sand"
 """Published soil on which the vehicle drives."""
 SNAPSHOT_INTERVAL = 0.1
@@ -53,17 +60,21 @@ class FlowRun:
     """Size of the cells round the vehicle [m]"""
     doubled: bool = False
     """The window of the flow reaches twice as far from the vehicle"""
-    macro_step: float = 1e-3
+    macro_step: float | FollowFlow = field(default_factory=lambda: FollowFlow(courant=0.9 * COURANT))
     """Interval at which vehicle and water exchange motion and loads [s]"""
     duration: float = 8.0
     """Simulated time [s]"""
+    hold: float = FlowSpinUp.hold
+    """Time at rest during the spin-up [s]: runs that differ in it alone are repetitions, with the flow in another phase
+    at the release"""
 
     @property
     def name(self) -> str:
         """Name of the run as part of a file's name: the scenario, and settings other than the default."""
         window = "_doubled" if self.doubled else ""
-        step = f"_{1e3 * self.macro_step:g}ms" if self.macro_step != 1e-3 else ""
-        return f"{self.scenario.file_stem}_{1e3 * self.cell_size:g}mm{window}{step}"
+        step = "" if isinstance(self.macro_step, FollowFlow) else f"_{1e3 * self.macro_step:g}ms"
+        hold = f"_hold{self.hold:g}s" if self.hold != FlowSpinUp.hold else ""
+        return f"{self.scenario.file_stem}_{1e3 * self.cell_size:g}mm{window}{step}{hold}"
 
     def compute(self, vehicle: Vehicle, work: Path) -> Path:
         """Make the run, or continue it from its checkpoint, unless it is finished already.
@@ -101,12 +112,14 @@ class FlowRun:
         water = self.scenario.water(vehicle)
         grid = (doubled_window if self.doubled else vehicle_window)(vehicle, self.cell_size, water)
         flow = BuiltInFlow(
-            self.cell_size, grid=grid, settings=FlowSettings(threads=1), allow_coarse=True, snapshots=SNAPSHOT_INTERVAL
+            self.cell_size, grid=grid, settings=FlowSettings(threads=1, courant=COURANT),
+            allow_coarse=True, snapshots=SNAPSHOT_INTERVAL,
         )  # fmt: skip
         result = simulate(
-            vehicle, Soil.published(SOIL), water, self.scenario.maneuver(), CfdHydrodynamics(flow, progress=progress),
-            duration=self.duration, setting="fine", macro_step=self.macro_step, record_step=1e-3,
-            checkpoint=work / f"{self.name}.npz", resume=True, progress=progress,
+            vehicle, Soil.published(SOIL), water, self.scenario.maneuver(),
+            CfdHydrodynamics(flow, spin_up=FlowSpinUp(hold=self.hold), progress=progress), duration=self.duration,
+            micro_step=MICRO_STEP, macro_step=self.macro_step, record_step=1e-3, checkpoint=work / f"{self.name}.npz",
+            resume=True, progress=progress,
         )  # fmt: skip
         return save_dataset(result.assign_attrs(scenario=self.scenario.name), whole)
 

@@ -7,11 +7,13 @@ from typing import Any, cast
 
 import numpy as np
 
+from exumob.coupling.macro_step import FollowFlow
+from exumob.coupling.scheme import Scheme
 from exumob.driving.maneuver import FeedbackManeuver, Maneuver
 from exumob.driving.path_following import PathFollowing
 from exumob.ground.terrain import Terrain
 from exumob.simulation.cost import require_room
-from exumob.simulation.description import Steps
+from exumob.simulation.description import RunDescription, Steps
 from exumob.support.checks import require_positive
 from exumob.vehicle.motion import HISTORY_STEP
 from exumob.vehicle.parameters import Vehicle
@@ -28,11 +30,12 @@ ROLLING = 0.01
 
 def check_steps(steps: Steps) -> None:
     """Raise ValueError unless every step, positive by its declaration, is a whole multiple of the one below it [s]."""
+    macro_step = "macro_step.unit" if isinstance(steps.macro_step, FollowFlow) else "macro_step"
     for name, coarse, fine_name, fine in (
         ("", HISTORY_STEP, "micro_step", steps.micro_step),
-        ("macro_step", steps.macro_step, "micro_step", steps.micro_step),
+        (macro_step, steps.macro_step_unit, "micro_step", steps.micro_step),
         ("record_step", steps.record_step, "micro_step", steps.micro_step),
-        ("duration", steps.duration, "macro_step", steps.macro_step),
+        ("duration", steps.duration, macro_step, steps.macro_step_unit),
     ):
         ratio = coarse / fine
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6 * ratio:
@@ -78,6 +81,22 @@ def check_water_model(
         raise ValueError(
             f"simulate.start: with {name} a run starts at the world's origin, heading along world x; turn the current "
             "instead (Water.current_direction)."
+        )
+
+
+def check_following(run: RunDescription) -> None:
+    """Raise ValueError if the macro step is to follow a flow that there is not, or by a scheme without a record."""
+    if not isinstance(run.steps.macro_step, FollowFlow):
+        return
+    if not isinstance(run.hydrodynamics, SpinUpHydrodynamics):
+        raise ValueError(
+            f"simulate.macro_step = FollowFlow(...) needs a flow solver in the loop, and the water's model is "
+            f"{type(run.hydrodynamics).__name__}; give a number of seconds, such as 20e-3."
+        )
+    if not isinstance(run.coupling, Scheme):
+        raise ValueError(
+            f"simulate.macro_step = FollowFlow(...) follows the record of a `Scheme` (SemiImplicit, Strong, Explicit); "
+            f"{type(run.coupling).__name__} is none. Give a number of seconds, such as 2e-3."
         )
 
 

@@ -99,7 +99,7 @@ def prepare(run: RunDescription, commands: tuple[float, float], checkpoint: Path
         If memory or disk cannot hold the run.
     """
     steps, water, model = run.steps, run.water, run.hydrodynamics
-    seconds = driving_time(steps.duration, steps.micro_step, steps.macro_step)
+    seconds = driving_time(steps.duration, steps.micro_step, steps.longest_macro_step)
     flow: FlowCost | None = None
     if isinstance(model, FlowInLoop):
         angles = [m[0] for command in commands for m in run.vehicle.steering_angles((command, 0.0, 0.0))]
@@ -107,7 +107,7 @@ def prepare(run: RunDescription, commands: tuple[float, float], checkpoint: Path
         if water is not None:
             speed = _fastest(run.maneuver, steps.duration) * run.vehicle.wheel.radius + water.current_speed
             advances = 5.0 if isinstance(run.coupling, Strong) else 1.1
-            flow = model.cost(run.vehicle, water, speed, steps.duration, steps.macro_step, advances)
+            flow = model.cost(run.vehicle, water, speed, steps.duration, steps.longest_macro_step, advances)
     words = f"{steps.duration / steps.micro_step:,.0f} steps of the vehicle"
     saved = CHECKPOINT_RATE * steps.duration
     if flow is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
+from exumob.coupling.macro_step import FollowFlow
 from exumob.coupling.scheme import Coupling
 from exumob.driving.maneuver import Maneuver
 from exumob.ground.soil import Soil
@@ -22,8 +23,18 @@ class Steps:
 
     duration: float
     micro_step: float
-    macro_step: float
+    macro_step: float | FollowFlow
     record_step: float
+
+    @property
+    def longest_macro_step(self) -> float:
+        """The macro step, or the longest of those that follow the flow [s]."""
+        return self.macro_step.longest if isinstance(self.macro_step, FollowFlow) else self.macro_step
+
+    @property
+    def macro_step_unit(self) -> float:
+        """Length of which every macro step is a whole multiple [s]."""
+        return self.macro_step.unit if isinstance(self.macro_step, FollowFlow) else self.macro_step
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import time
 from collections.abc import Callable, Sequence
@@ -11,7 +12,8 @@ from typing import Annotated
 import xarray as xr
 
 from exumob.coupling.explicit import Explicit
-from exumob.coupling.scheme import Coupling, checked_wrenches
+from exumob.coupling.macro_step import FollowFlow
+from exumob.coupling.scheme import Coupling, Scheme, checked_wrenches
 from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.driving.maneuver import Maneuver, lane_change
 from exumob.ground.soil import Soil
@@ -20,7 +22,14 @@ from exumob.multibody.applied_loads import vehicle_loads
 from exumob.multibody.settling import SETTLING_STEP, Start
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.checkpoint import Checkpoints, Fingerprint
-from exumob.simulation.checks import check_described, check_maneuver, check_steps, check_water_model, rolling_start
+from exumob.simulation.checks import (
+    check_described,
+    check_following,
+    check_maneuver,
+    check_steps,
+    check_water_model,
+    rolling_start,
+)
 from exumob.simulation.cost import prepare
 from exumob.simulation.description import RunDescription, Steps
 from exumob.simulation.over_ground import check_start, warn_of_ground
@@ -55,7 +64,7 @@ def simulate(  # one argument a part of the run; all but two have defaults
     duration: Annotated[float, quantities.DURATION] = DURATION,
     setting: str = DEFAULT_SETTING,
     micro_step: Annotated[float | None, STEP] = None,
-    macro_step: Annotated[float | None, STEP] = None,
+    macro_step: Annotated[float | FollowFlow | None, STEP] = None,
     record_step: Annotated[float, STEP] = RECORD_STEP,
     terrain: Terrain | None = None,
     start: StartPose | tuple[float, float, float] | None = None,
@@ -86,9 +95,9 @@ def simulate(  # one argument a part of the run; all but two have defaults
         The steps by name, ``"fast"`` or ``"fine"``: `exumob.simulation.settings.SETTINGS` states them and their error.
     micro_step : float, optional
         Step of the multibody solver [s]; 1 ms must be a whole multiple of it. Default: that of the setting.
-    macro_step : float, optional
-        Interval at which the loads of the water are renewed [s]; a whole multiple of `micro_step`. Default: that of
-        the setting.
+    macro_step : float or FollowFlow, optional
+        Interval at which the loads of the water are renewed [s]; a whole multiple of `micro_step`. With a flow solver
+        in the loop it can follow the flow (`exumob.coupling.macro_step.FollowFlow`). Default: that of the setting.
     record_step : float
         Interval of the result [s]; a whole multiple of `micro_step`.
     terrain : Terrain, optional
@@ -149,6 +158,7 @@ def simulate(  # one argument a part of the run; all but two have defaults
         (SemiImplicit() if in_loop else Explicit()) if coupling is None else coupling, steps, speed,
         tuple(forces), pose,
     )  # fmt: skip
+    check_following(run)
     prepare(run, commands, None if checkpoint is None else Path(checkpoint))
     store = None
     if checkpoint is not None:
@@ -175,11 +185,11 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
     scheme.start()
     first = 0
     if store is not None and store.released:
-        hydrodynamics.start(run.vehicle, run.water, steps.macro_step)
+        hydrodynamics.start(run.vehicle, run.water, steps.longest_macro_step)
         first = store.resume(model, hydrodynamics, scheme)
     else:
         _settle(model, run, store)
-        hydrodynamics.start(run.vehicle, run.water, steps.macro_step)
+        hydrodynamics.start(run.vehicle, run.water, steps.longest_macro_step)
     settled = time.perf_counter()
 
     def result(status: str, cause: str = "") -> xr.Dataset:
@@ -192,10 +202,12 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
     stop = StopRequest()
     try:
         with stop:
-            for n in range(first, round(steps.duration / steps.macro_step)):
+            for n in itertools.count(first):
+                if round((steps.duration - model.time) / steps.micro_step) < 1:
+                    break
                 if store is not None:
                     store.before_step(n, model, hydrodynamics, scheme)
-                scheme.step(model, hydrodynamics, (n + 1) * steps.macro_step)
+                scheme.step(model, hydrodynamics, _end_of_step(run, n, model.time))
                 if progress is not None:
                     progress(model.time)
                 stop.check()
@@ -216,6 +228,15 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
     return result("completed")
 
 
+def _end_of_step(run: RunDescription, n: int, now: float) -> float:
+    """Return the end of macro step number `n`, which begins now [s]."""
+    choice = run.steps.macro_step
+    if not isinstance(choice, FollowFlow):
+        return (n + 1) * choice
+    assert isinstance(run.coupling, Scheme)
+    return choice.end_of_step(now, run.steps.duration, run.coupling.trace, run.hydrodynamics)
+
+
 def _settle(model: MultibodyVehicle, run: RunDescription, store: Checkpoints | None) -> None:
     """Find the static equilibrium of the vehicle with the loads of the water; it is the state at time 0."""
     hydrodynamics = run.hydrodynamics
@@ -228,7 +249,7 @@ def _settle(model: MultibodyVehicle, run: RunDescription, store: Checkpoints | N
 
         keep = (lambda saved: None) if store is None else store.keep_spin_up
         begun = None if store is None else store.spin_up
-        hydrodynamics.run_spin_up(run.vehicle, run.water, run.steps.macro_step, settle, keep, begun)
+        hydrodynamics.run_spin_up(run.vehicle, run.water, run.steps.longest_macro_step, settle, keep, begun)
         if found:
             _say_start(run, model, found[-1])
         return

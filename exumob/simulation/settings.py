@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from exumob.coupling.macro_step import FollowFlow
 from exumob.support.declared import checked
 from exumob.support.quantities import shown
 
@@ -28,19 +29,19 @@ class Setting:
     macro_step: float
     """Interval at which the loads of the water are renewed [s], for models that answer at once."""
     flow_micro_step: float
-    flow_macro_step: float
+    flow_macro_step: float | FollowFlow
     """The same two with a flow solver in the loop [s]: its loads change faster than 20 ms can follow."""
     error: str
     """How far a run with these steps ends from one with the finest, as measured."""
 
-    def steps(self, flow_in_loop: bool) -> tuple[float, float]:
+    def steps(self, flow_in_loop: bool) -> tuple[float, float | FollowFlow]:
         """Return micro step and macro step [s], with or without a flow solver in the loop."""
         return (self.flow_micro_step, self.flow_macro_step) if flow_in_loop else (self.micro_step, self.macro_step)
 
 
 SETTINGS = {
     "fast": Setting(
-        "fast", 1.0e-3, 20.0e-3, 5.0e-4, 2.0e-3,
+        "fast", 1.0e-3, 20.0e-3, 2.5e-4, FollowFlow(),
         "the lane change of the paper ends within 6 mm (0.2 % of the path) and 0.02 deg of fine",
     ),
     "fine": Setting("fine", 1.0e-4, 1.0e-3, 1.0e-4, 1.0e-3, "the steps of the paper, against which fast is measured"),

@@ -18,6 +18,7 @@ import numpy as np
 from exumob.coupling.explicit import Explicit
 from exumob.coupling.flow_code import BuiltInFlow
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
+from exumob.coupling.macro_step import FollowFlow
 from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.driving.maneuver import ConstantSteer, LaneChange
 from exumob.ground.soil import Soil
@@ -283,16 +284,16 @@ def _departures(run: RunDescription, out_of_range: float | None, fallback: float
     if in_loop:
         if _is_straight(run):
             yield Departure("maneuver", ("straight ahead",), "lane change")
-        micro_step, macro_step = setting_named(DEFAULT_SETTING).steps(flow_in_loop=True)
-        most = {"micro_step": micro_step, "macro_step": macro_step}
-        yield from _step_departures(run.steps.micro_step, run.steps.macro_step, most)
+        usual_steps = setting_named(DEFAULT_SETTING)
+        most = {"micro_step": usual_steps.flow_micro_step, "macro_step": FollowFlow().longest}
+        yield from _step_departures(run.steps.micro_step, run.steps.longest_macro_step, most)
         code = getattr(model, "flow", None)
         size = float(getattr(code, "cell_size", math.nan))
         low, high = min(table["flow"]["cell_sizes"]), max(table["flow"]["cell_sizes"])
         if not low * (1.0 - CLOSE) <= size <= high * (1.0 + CLOSE):
             yield Departure("cells of", (1e3 * size,), _span(1e3 * low, 1e3 * high), "mm")
         return
-    yield from _step_departures(run.steps.micro_step, run.steps.macro_step, table)
+    yield from _step_departures(run.steps.micro_step, run.steps.longest_macro_step, table)
     if isinstance(model, SurrogateHydrodynamics):
         if len(model.networks) < len(table["networks"]):
             yield Departure("networks", (float(len(model.networks)),), f"{len(table['networks'])} together")

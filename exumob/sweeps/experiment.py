@@ -325,9 +325,9 @@ class Experiment(Declared):
 
     def description(self, hydrodynamics: Hydrodynamics) -> RunDescription:
         """Describe the run with a model of the water's loads, as its line of trust needs it."""
-        usual_micro_step, usual_macro_step = setting_named(self.setting).steps(flow_in_loop=False)
+        usual = setting_named(self.setting)
         steps = Steps(
-            self.duration, self.micro_step or usual_micro_step, self.macro_step or usual_macro_step, self.record_step
+            self.duration, self.micro_step or usual.micro_step, self.macro_step or usual.macro_step, self.record_step
         )
         rolling = self.maneuver.wheel_speed(0.0)[0] * self.vehicle.wheel.radius
         return RunDescription(

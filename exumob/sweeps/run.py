@@ -195,8 +195,9 @@ def need(function: Function, cases: Sequence[Case], workers: int = 2, keep_runs:
 
 def _time_of(case: Case) -> float:
     """Time that a run takes [s]."""
-    micro, macro = setting_named(case["setting"]).steps(flow_in_loop=False)
-    return TIME_TO_SETTLE + driving_time(case["duration"], case["micro_step"] or micro, case["macro_step"] or macro)
+    setting = setting_named(case["setting"])
+    micro_step, macro_step = case["micro_step"] or setting.micro_step, case["macro_step"] or setting.macro_step
+    return TIME_TO_SETTLE + driving_time(case["duration"], micro_step, macro_step)
 
 
 def _check_cases(experiment: Experiment, cases: Sequence[Case]) -> Case:

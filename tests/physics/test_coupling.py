@@ -4,19 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from coupled_runs import QUICK, SHORT, STEPS, WATER, StandIn, run
+from coupled_runs import QUICK, SHORT, STEPS, WATER, StandIn, assert_same, run
 
 import exumob.coupling.semi_implicit
 import exumob.simulation.checkpoint
 from exumob.coupling.explicit import Explicit
 from exumob.coupling.flow_in_loop import CfdHydrodynamics, FlowSpinUp
+from exumob.coupling.macro_step import FollowFlow
 from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.coupling.strong import Strong
 from exumob.driving.maneuver import lane_change
 from exumob.ground.terrain import Terrain
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.run import simulate
-from exumob.support.errors import SimulationError
+from exumob.support.errors import SimulationError, SimulationInterrupted
 from exumob.water.conditions import Water
 
 # -- schemes ----------------------------------------------------------------------------------------------------------
@@ -71,6 +72,76 @@ def test_semi_implicit_scheme_is_not_disturbed_by_rough_loads(vehicle, sand):
     result = run(vehicle, sand, Rough(), coupling=SemiImplicit(), duration=0.2)
     assert list(np.flatnonzero(result["coupling_iterations"].values > 1)) == [0]
     assert float(result["coupling_residual"].median()) > 0.005  # rough they are
+
+
+class Hastening(StandIn):
+    """A flow that gets faster until 0.1 s and then calms down: Courant numbers of 100 to 400 and to 100 a second."""
+
+    def advance(self, time, poses):
+        self.rate = 100.0 + 300.0 * max(1.0 - abs(time - 0.1) / 0.1, 0.0)
+        self.interval, self.time = time - getattr(self, "time", time - 1e-3), time
+        return super().advance(time, poses)
+
+    def report(self):
+        return {"courant": self.rate * self.interval, "steps": 1.0}
+
+    def save(self):
+        return {"water": super().save(), "until": self.time}
+
+    def restore(self, saved):
+        self.time = saved["until"]
+        super().restore(saved["water"])
+
+
+FOLLOWING = FollowFlow(unit=5e-4, longest=4e-3, courant=0.4, patience=5)
+
+
+def test_macro_step_follows_the_flow(vehicle, sand):
+    """It keeps to the Courant number, gets longer and shorter, and ends where steps of 1 ms end (spec: 0.2 %)."""
+    result = run(vehicle, sand, Hastening(), duration=0.25, macro_step=FOLLOWING)
+    begins = result["macro_time"].values
+    steps = np.diff(np.append(begins, 0.25))
+    courant = result["hydrodynamics_courant"].values
+    assert np.allclose(steps / 5e-4, np.round(steps / 5e-4), atol=1e-6)
+    assert steps.sum() == pytest.approx(0.25 - begins[0])
+    assert courant.max() < 1.1 * 0.4  # what the flow gains within a step
+    assert steps.min() <= 1.0001e-3 and steps.max() >= 1.9999e-3
+    assert len(steps) < 0.25 / 1.2e-3
+    fixed = run(vehicle, sand, Hastening(), duration=0.25)
+    way = fixed["position"].values[-1, 0, 0]
+    assert np.abs(result["position"].values[-1, 0] - fixed["position"].values[-1, 0]).max() < 2e-3 * way
+    assert "FollowFlow" in result.attrs["parameters"]
+
+
+def test_run_with_steps_that_follow_the_flow_resumes_with_the_same_bits(vehicle, sand, tmp_path):
+    file = tmp_path / "run.npz"
+
+    def go(**options):
+        return run(vehicle, sand, Hastening(), duration=0.12, macro_step=FOLLOWING, **options)
+
+    def stop(now):
+        if now > 0.06:
+            raise KeyboardInterrupt
+
+    single = go()
+    with pytest.raises(SimulationInterrupted):
+        go(checkpoint=file, progress=stop)
+    assert_same(single, go(checkpoint=file, resume=True))
+
+
+def test_macro_steps_that_cannot_follow_are_refused(vehicle, sand):
+    with pytest.raises(ValueError, match=r"FollowFlow.*needs a flow solver in the loop.*CoefficientHydrodynamics"):
+        simulate(vehicle, sand, WATER, QUICK, "coefficients", macro_step=FollowFlow(unit=1e-3))
+    with pytest.raises(ValueError, match=r"macro_step\.unit = 0\.00025 s must be a whole multiple of micro_step"):
+        run(vehicle, sand, macro_step=FollowFlow())
+
+    class NoRecord:
+        """A scheme of one's own: it has the functions of `Coupling`."""
+
+        start = step = save = restore = record = None
+
+    with pytest.raises(ValueError, match=r"follows the record of a `Scheme`.*NoRecord is none"):
+        run(vehicle, sand, macro_step=FOLLOWING, coupling=NoRecord())
 
 
 def test_strong_scheme_records_iterations_and_residuals(vehicle, sand):

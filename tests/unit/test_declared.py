@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from exumob import ImplausibleValue, Soil, Water, unusual
+from exumob import ImplausibleValue, Soil, Terrain, Water, unusual
 from exumob.support.declared import Declared, checked, declared_fields
 from exumob.support.quantities import Quantity
 from vehicle_models.amphibious import amphibious_vehicle
