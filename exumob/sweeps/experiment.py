@@ -32,6 +32,7 @@ from exumob.support.quantities import DEPTH_RATIO, STEP, Quantity, shown
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import GEOMETRY
 from exumob.vehicle.parameters import Vehicle
+from exumob.vehicle.start_pose import AT_ORIGIN, StartPose
 from exumob.water.coefficients import Coefficients
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics
@@ -90,6 +91,10 @@ class Experiment(Declared):
     """Interval between the instants of a result"""
     initial_speed: Annotated[float | None, quantities.INITIAL_SPEED] = None
     """Speed at time 0, all wheels rolling; None: as the maneuver's wheels turn then"""
+    terrain: Terrain = field(default_factory=Terrain)
+    """Shape of the ground"""
+    start: StartPose = AT_ORIGIN
+    """Where the vehicle begins, and its heading there"""
 
     def _check(self) -> None:
         if self.hydrodynamics not in MODELS:
@@ -99,7 +104,9 @@ class Experiment(Declared):
     def names(self) -> list[str]:
         """Dotted names of everything that can be varied."""
         found = _leaves(self.vehicle) + [f"soil.{n}" for n in _leaves(self.soil)] + ["soil"]
-        found += ["water.depth_ratio", *(f"water.{n}" for n in _leaves(self.water or Water(0.1)))]
+        water = self.water or Water(0.1)
+        found += [RATIO] if water.depth is not None else []
+        found += [f"water.{n}" for n in water.parameters if n != "field"]
         if is_dataclass(self.maneuver):
             found += ["maneuver", *(f"maneuver.{n}" for n in _leaves(self.maneuver))]
         return [
@@ -175,6 +182,12 @@ class Experiment(Declared):
         """Raise ValueError if a name is not known."""
         known = self._known
         for name in names:
+            if name in (RATIO, "water.depth") and self.water is not None and self.water.depth is None:
+                given = "level" if self.water.field is None else "field"
+                raise ValueError(
+                    f"{name}: the water of this experiment is given by its {given}, and this needs water of one depth "
+                    f"over level ground; give Water(depth=...){', or vary water.level' if given == 'level' else ''}."
+                )
             if name not in known:
                 near = difflib.get_close_matches(name, known, 3, 0.5) if isinstance(name, str) else []
                 hint = f"did you mean {' or '.join(near)}?" if near else f"use one of {', '.join(known)}."
@@ -334,12 +347,13 @@ class Experiment(Declared):
             self.vehicle,
             self.soil,
             self.water,
-            Terrain(),
+            self.terrain,
             self.maneuver,
             hydrodynamics,
             Explicit(),
             steps,
             rolling if self.initial_speed is None else self.initial_speed,
+            start=self.start,
         )
 
     def trust(self, cases: Sequence[Mapping[str, Any]]) -> dict[str, str | float]:
@@ -392,7 +406,7 @@ class Experiment(Declared):
         return simulate(
             self.vehicle, self.soil, self.water, self.maneuver, self.water_model(), duration=self.duration,
             setting=self.setting, micro_step=self.micro_step, macro_step=self.macro_step, record_step=self.record_step,
-            initial_speed=self.initial_speed,
+            initial_speed=self.initial_speed, terrain=self.terrain, start=self.start,
         )  # fmt: skip
 
     def __call__(self, values: Mapping[str, Any]) -> xr.Dataset:

@@ -87,6 +87,8 @@ class CrossSection(Declared):
             do not increase, or there are fewer than two; with the number of the line.
         """
         path = Path(file)
+        if not path.is_file():
+            raise ValueError(f"CrossSection.read: file {path} does not exist; give a table of stations and bed (CSV).")
         found: dict[str, Array] = {}
         for title, values in read_table(path).items():
             name, unit = _name_and_unit(title)

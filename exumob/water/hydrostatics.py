@@ -30,8 +30,9 @@ ROTATION = Quantity("1", shape=(3, 3))
 POSITION = Quantity("m", at_least=-1e9, at_most=1e9, shape=(3,))
 LEVEL = Quantity("m", at_least=-1e4, at_most=1e4)
 DENSITY = Quantity("kg/m^3", above=0.0, plausible=(700.0, 1500.0))
-UNDER_WATER, ABOVE_BED, BELOW_BED = range(3)
-"""Parts of a polygon that `_clip` keeps: what is under water, and of that what is above and what is below the bed."""
+UNDER_WATER, ABOVE_BED, BELOW_BED, INLAND, OFFSHORE = range(5)
+"""Parts of a polygon that `_clip` keeps: what is under water; of that what is above and what is below the bed; of the
+latter what is below dry land, and what is below water."""
 MOST_NODES = 64.0
 """Cells of a terrain within the square of a body's reach from which on its bed is not bounded beforehand."""
 
@@ -223,7 +224,15 @@ def wet_integrals(  # a kernel: a surface, its pose, the water, the bed, and wha
             _add_polygon(scratch[2], n_exposed, cells[t], up, True, total, area_moments)
             other = 1 - wet
             n_below = _clip(scratch[wet], n_wet, BELOW_BED, scratch[other])
-            _add_polygon(scratch[other], n_below, cells[t], up, False, total, area_moments)
+            if not _on_shore(scratch[other], n_below):
+                _add_polygon(scratch[other], n_below, cells[t], up, False, total, area_moments)
+                continue
+            n_inland = _clip(scratch[other], n_below, INLAND, scratch[2])
+            for i in range(n_inland):
+                scratch[2, i, 4] = 0.0  # all that is under water is buried
+            _add_polygon(scratch[2], n_inland, cells[t], up, False, total, area_moments)
+            n_offshore = _clip(scratch[other], n_below, OFFSHORE, scratch[2])
+            _add_polygon(scratch[2], n_offshore, cells[t], up, False, total, area_moments)
         else:
             _add_polygon(scratch[wet], n_wet, cells[t], up, True, total, area_moments)
 
@@ -257,11 +266,22 @@ def _highest_bed(triangles: Array, position: Array, ground: Any, nodes: Array) -
     return plane + top
 
 
+@njit(cache=True, error_model="numpy")
+def _on_shore(polygon: Array, n: int) -> bool:
+    """Tell if the bed above some corner of a polygon is dry land."""
+    for i in range(n):
+        if polygon[i, 4] < 0.0:
+            return True
+    return False
+
+
 @njit(cache=True, error_model="numpy", inline="always")
 def _inside(polygon: Array, i: int, part: int) -> float:
-    """How far corner i lies within a part: below the water plane, above the bed or below the bed [m]."""
+    """How far corner i lies within a part [m]: below the water plane, say."""
     if part == UNDER_WATER:
         return polygon[i, 3]
+    if part == INLAND or part == OFFSHORE:
+        return polygon[i, 4] if part == OFFSHORE else -polygon[i, 4]
     return polygon[i, 4] - polygon[i, 3] if part == ABOVE_BED else polygon[i, 3] - polygon[i, 4]
 
 
@@ -280,7 +300,10 @@ def _clip(polygon: Array, n: int, part: int, kept: Array) -> int:
             way = here / (here - there)
             for k in range(5):
                 kept[count, k] = polygon[i, k] + way * (polygon[j, k] - polygon[i, k])
-            kept[count, 3] = 0.0 if part == UNDER_WATER else kept[count, 4]
+            if part == UNDER_WATER:
+                kept[count, 3] = 0.0
+            elif part == ABOVE_BED or part == BELOW_BED:
+                kept[count, 3] = kept[count, 4]
             count += 1
     return count
 

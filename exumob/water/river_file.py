@@ -101,7 +101,7 @@ def read_river(
         return _river(source, "read_river", names or {}, time, least_depth, density)
     path = Path(source)
     if not path.is_file():
-        raise ValueError(f"{path}: there is no such file; give a netCDF file of bed, level and velocity.")
+        raise ValueError(f"read_river.source = {path}: there is no such file; give a netCDF file of bed, level and velocity.")
     try:
         with xr.open_dataset(path, decode_times=False) as opened:
             data = opened.load()
