@@ -12,6 +12,7 @@ from exumob.multibody.energy_account import WORK_KINDS
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.description import RunDescription
 from exumob.simulation.over_ground import keel_clearance, outside_terrain
+from exumob.simulation.over_water import water_met
 from exumob.simulation.summary import range_shares
 from exumob.simulation.trust import trust_of
 from exumob.simulation.verdict import judge, with_verdict
@@ -183,11 +184,20 @@ def build_dataset(
         "coupling": type(run.coupling).__name__,
         "parameters": parameters_json(run.parts()),
         **wall_times,
-        **trust_of(run, *range_shares(dataset).values()).attributes(),
+        **_trust(run, dataset, states),
         **({"cause": cause} if cause else {}),
         **mesh_provenance(vehicle.hull),
     }
     return with_described_names(with_verdict(dataset, judge(dataset, vehicle=vehicle)))
+
+
+def _trust(run: RunDescription, dataset: xr.Dataset, states: BodyStates) -> dict[str, str | float]:
+    """Line of trust of a run, with what it met of the water."""
+    shares = range_shares(dataset)
+    found = trust_of(
+        run, shares.get("out_of_range_share"), shares.get("fallback_share"), water_met(run, states)
+    )  # fmt: skip
+    return found.attributes()
 
 
 def _water_at_hull(states: BodyStates, water: Water | None, terrain: Terrain) -> dict[str, Array]:

@@ -61,7 +61,9 @@ def read_table(file: str | Path) -> dict[str, Array]:
         for k, field in enumerate(fields):
             number = _number(field, decimal_comma)
             if number is None:
-                raise ValueError(f"{path}, line {line}, column {names[k]!r}: {field.strip()!r:.60} is not a number.")
+                raise ValueError(
+                    f"{path}, line {line}, column {names[k]!r}: {field.strip()!r:.60} is not a number; write one."
+                )
             found[n, k] = number
     return dict(zip(names, np.ascontiguousarray(found.T), strict=True))
 

@@ -94,7 +94,7 @@ class CrossSection(Declared):
             name, unit = _name_and_unit(title)
             if name not in UNITS:
                 near = nearest_names(name, list(UNITS))
-                hint = f"did you mean {near[0]}?" if near else f"the columns are {', '.join(UNITS)}."
+                hint = f"did you mean {near[0]}?" if near else f"use {', '.join(UNITS)}."
                 raise ValueError(f"{path}: column {title!r} is not known; {hint}")
             if unit not in ("", UNITS[name]):
                 raise ValueError(

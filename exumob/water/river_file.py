@@ -101,13 +101,15 @@ def read_river(
         return _river(source, "read_river", names or {}, time, least_depth, density)
     path = Path(source)
     if not path.is_file():
-        raise ValueError(f"read_river.source = {path}: there is no such file; give a netCDF file of bed, level and velocity.")
+        raise ValueError(
+            f"read_river.source = {path}: there is no such file; give a netCDF file of bed, level and velocity."
+        )
     try:
         with xr.open_dataset(path, decode_times=False) as opened:
             data = opened.load()
     except (OSError, RuntimeError, ValueError, TypeError, KeyError, AttributeError) as error:
         why = " ".join(str(error).split())[:200]
-        raise ValueError(f"{path} cannot be read as netCDF ({why}); export it anew.") from None
+        raise ValueError(f"{path} cannot be read as netCDF ({why}); give a whole file, exported anew.") from None
     return _river(data, str(path), names or {}, time, least_depth, density)
 
 
