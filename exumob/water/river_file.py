@@ -15,7 +15,6 @@ from typing import Annotated
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from exumob.ground.terrain import HEIGHT_RANGE, Terrain
 from exumob.support.arrays import Array
@@ -193,6 +192,8 @@ def _level(
             f"{what}: the water lies at or below the bed everywhere; look at the datum of both, and at the instant."
         )
     level = bed + depth if "level" not in fields else fields["level"].copy()
+    from scipy.ndimage import distance_transform_edt
+
     nearest = distance_transform_edt(dry, return_distances=False, return_indices=True)
     level = level[tuple(nearest)]
     return np.where(dry, np.minimum(level, bed), level), dry

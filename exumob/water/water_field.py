@@ -13,7 +13,6 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import distance_transform_edt
 
 from exumob.ground.regular_grid import RegularGrid
 from exumob.ground.terrain import HEIGHT_RANGE
@@ -139,6 +138,8 @@ class WaterField(Declared):
         found = np.zeros((*level.shape, 3))
         dry = np.isnan(level)
         if dry.any():
+            from scipy.ndimage import distance_transform_edt  # only where there are gaps: it takes long to import
+
             dx, dy = self.grid.spacing
             nearest = distance_transform_edt(dry, sampling=(dy, dx), return_distances=False, return_indices=True)
             level = level[tuple(nearest)]
