@@ -64,7 +64,7 @@ def check_water_model(
     if isinstance(hydrodynamics, BedHydrodynamics):
         hydrodynamics.set_bed(terrain)
         return
-    if water is None or isinstance(hydrodynamics, NoWater):
+    if water is None or type(hydrodynamics) is NoWater:
         return
     name = type(hydrodynamics).__name__
     if isinstance(hydrodynamics, SpinUpHydrodynamics):

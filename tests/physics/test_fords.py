@@ -108,7 +108,7 @@ def test_a_ford_anywhere_on_the_map(vehicle, sand, crossing, model, tolerance):
 def test_a_constant_field_is_a_constant_depth_bit_for_bit(vehicle, sand, model):
     """So is a level; with a head current the networks, too."""
     depth = Water(0.12, 0.7)
-    scene = {"maneuver": LaneChange(start=0.5, end=1.3), "hydrodynamics": model, "duration": 1.5}
+    scene = {"maneuver": LaneChange(start=0.2, end=0.8), "hydrodynamics": model, "duration": 0.9}
     expected = simulate(vehicle, sand, depth, **scene)
     velocity = [np.full((4, 5), v) for v in depth.velocity[:2]]
     field = WaterField(np.full((4, 5), 0.12), *velocity, (-3.0, -4.0), (3.0, 4.0))
@@ -120,7 +120,7 @@ def test_a_constant_field_is_a_constant_depth_bit_for_bit(vehicle, sand, model):
 
 def test_level_ground_at_another_height(vehicle, sand):
     """A depth goes with it: the run at z = 35 m is that at z = 0, 1e-9 m."""
-    scene = {"water": Water(0.1, 0.5), "maneuver": AHEAD, "hydrodynamics": "coefficients", "duration": 1.0}
+    scene = {"water": Water(0.1, 0.5), "maneuver": AHEAD, "hydrodynamics": "coefficients", "duration": 0.5}
     low, high = (simulate(vehicle, sand, terrain=Terrain(z), **scene)["position"].values for z in (0.0, 35.0))
     np.testing.assert_allclose(high - [0.0, 0.0, 35.0], low, rtol=0.0, atol=1e-9)
 
@@ -153,15 +153,14 @@ def test_a_ford_can_be_resumed(vehicle, sand, tmp_path):
         np.testing.assert_array_equal(resumed[name], whole[name], err_msg=name)
 
 
-def test_a_section_is_a_ford(vehicle, sand):
+def test_a_section_is_a_ford(vehicle, sand, crossing):
     """The ford from its cross-section and discharge: the same path to 1 mm."""
     section = CrossSection(X, BED)
     depth = np.maximum(-BED, 0.0)
     discharge = 0.3 * float(np.trapezoid((depth / DEPTH) ** (2.0 / 3.0) * depth, X))
     scene = {"maneuver": AHEAD, "hydrodynamics": "coefficients", "duration": 3.0}
     run = simulate(vehicle, sand, section.water(0.0, discharge), terrain=section.terrain(), **scene)
-    other = simulate(vehicle, sand, **scene, **ford())
-    np.testing.assert_allclose(run["position"], other["position"], rtol=0.0, atol=1e-3)
+    np.testing.assert_allclose(run["position"], crossing["position"][: run.sizes["time"]], rtol=0.0, atol=1e-3)
 
 
 def test_a_run_that_leaves_its_water_stops(vehicle, sand):
@@ -179,10 +178,10 @@ def test_a_path_stays_where_it_is_and_a_maneuver_goes_with_the_start(vehicle, sa
     path = lane_shift(0.3, 0.3, 0.8, end=5.0)
     moved = tuple(map(tuple, start.to_world(path).tolist()))
     for here, there in (
-        (PathFollowing(path), PathFollowing(moved)), (LaneChange(start=0.2, end=1.0), LaneChange(start=0.2, end=1.0)),
+        (PathFollowing(path), PathFollowing(moved)), (LaneChange(start=0.1, end=0.7), LaneChange(start=0.1, end=0.7)),
     ):  # fmt: skip
         run, other = (
-            simulate(vehicle, sand, None, maneuver, duration=1.2, start=pose, initial_speed=1.0)
+            simulate(vehicle, sand, None, maneuver, duration=0.8, start=pose, initial_speed=1.0)
             for maneuver, pose in ((here, None), (there, start))
         )
         found = seen_from_start(other, start.x, start.y, 0.0, start.heading)
