@@ -23,7 +23,7 @@ from exumob.support.provenance import parameters_json, provenance
 from exumob.vehicle.motion import BODIES, WHEELS, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
-from exumob.water.flow_states import FLOW_STATES, flow_states, local_depth
+from exumob.water.flow_states import FLOW_STATES, flow_states, local_depths
 from exumob.water.mesh_file import mesh_provenance
 
 logger = logging.getLogger(__name__)
@@ -205,11 +205,13 @@ def _water_at_hull(states: BodyStates, water: Water | None, terrain: Terrain) ->
     n = len(states)
     if water is None:
         return {"water_depth": np.zeros(n), "water_level": np.full(n, np.nan), "current": np.zeros((n, 3))}
-    places = states.position[:, 0, :2]
+    places = states.position[:, 0, :2].copy()
     level, velocity = water.at(places, terrain)
-    around = water.over(terrain)
-    depth = np.array([local_depth(around, x, y) for x, y in places])
-    return {"water_depth": depth, "water_level": level, "current": np.column_stack([velocity, np.zeros(n)])}
+    return {
+        "water_depth": local_depths(water.over(terrain), places),
+        "water_level": level,
+        "current": np.column_stack([velocity, np.zeros(n)]),
+    }
 
 
 def attributes(name: str) -> dict[str, str]:

@@ -16,6 +16,7 @@ from exumob.ground.terrain import HEIGHT_RANGE, Terrain
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared, checked
 from exumob.support.errors import SimulationError
+from exumob.support.kernels import njit
 from exumob.support.quantities import CURRENT_SPEED, DEPTH, DEPTH_RATIO, DIRECTION, Quantity
 from exumob.vehicle.motion import BODIES, BodyStates
 from exumob.water.water_field import BEYOND, WATER_RECORD, WaterField, water_at
@@ -218,8 +219,16 @@ class Water(Declared):
         """
         water, nodes = self.as_arrays(terrain)
         places = np.asarray(points, dtype=float)
-        found = np.array([water_at(water[0], nodes, x, y) for x, y in places.reshape(-1, 2)]).reshape(-1, 3)
+        found = np.empty((places.size // 2, 3))
+        _fill(water, nodes, places.reshape(-1, 2).copy(), found)
         return found[:, 0].reshape(places.shape[:-1]), found[:, 1:].reshape(places.shape)
+
+
+@njit(cache=True, error_model="numpy")
+def _fill(water: NDArray[np.void], nodes: Array, places: Array, found: Array) -> None:
+    """Fill level and velocity at places, shape (n, 2) -> (n, 3)."""
+    for n in range(len(places)):
+        found[n, 0], found[n, 1], found[n, 2] = water_at(water[0], nodes, places[n, 0], places[n, 1])
 
 
 def require_within(water: Water, history: BodyStates) -> None:

@@ -84,6 +84,15 @@ def local_depth(around: WaterOverBed, x: float, y: float) -> float:
     return max(level - terrain_height(around.bed[0], around.bed_nodes, x, y)[0], 0.0)
 
 
+@njit(cache=True, error_model="numpy")
+def local_depths(around: WaterOverBed, places: Array) -> Array:
+    """Return `local_depth` at places, world x, y [m], shape (n, 2) -> (n,) [m]."""
+    found = np.empty(len(places))
+    for n in range(len(places)):
+        found[n] = local_depth(around, places[n, 0], places[n, 1])
+    return found
+
+
 def flow_states(states: BodyStates, water: Water | None, terrain: Terrain | None = None) -> Array:
     """Return the state of each body relative to ground and water, Eq. (7).
 
