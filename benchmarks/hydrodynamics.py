@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from exumob.ground.terrain import Terrain
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.vehicle_file import load_vehicle
@@ -45,15 +46,18 @@ def main() -> dict[str, float]:
     vehicle = load_vehicle(Path(__file__).parents[1] / "vehicle_models" / "amphibious.py")
     water = Water.at_ratio(0.6, current_speed=1.0)
     history = standing(vehicle, 20)
-    up, scratch, totals = np.array([0.0, 0.0, 1.0]), clipping_space(), np.zeros(1, WET_INTEGRALS)
+    turn, scratch, totals, bed = np.eye(3), clipping_space(), np.zeros(1, WET_INTEGRALS), Terrain().as_arrays()
 
     costs = {}
-    surfaces, heights = body_surfaces(vehicle), history.position[-1, :, 2]
+    surfaces, places = body_surfaces(vehicle), history.position[-1].copy()
     areas = [np.zeros((surface.n_cells, 3, 4)) for surface in surfaces]
 
     def integrate(body: int) -> None:
         surface = surfaces[body]
-        wet_integrals(surface.triangles, surface.cells, up, heights[body], water.depth, totals, areas[body], scratch)
+        pose = turn, places[body], water.uniform_depth
+        wet_integrals(
+            surface.triangles, surface.cells, *pose, *bed, totals, areas[body], scratch
+        )  # fmt: skip
 
     costs["wet integrals, hull"] = microseconds(lambda: integrate(0))
     costs["wet integrals, one wheel"] = microseconds(lambda: integrate(1))

@@ -23,10 +23,14 @@ if TYPE_CHECKING:
     from exumob.support.quantities import ImplausibleValue, unusual
     from exumob.vehicle.parameters import Box, Hull, Steering, Suspension, Vehicle, Wheel, WheelArches, Wishbones
     from exumob.vehicle.point_force import PointForce
+    from exumob.vehicle.start_pose import StartPose
     from exumob.vehicle.vehicle_file import load_vehicle
     from exumob.water.coefficients import CoefficientHydrodynamics
     from exumob.water.conditions import Water
+    from exumob.water.cross_section import CrossSection
     from exumob.water.hydrodynamics import Hydrodynamics, NoWater
+    from exumob.water.river_file import read_river
+    from exumob.water.water_field import WaterField
 else:
     __getattr__, __dir__ = on_first_use(__name__)
 
@@ -34,6 +38,7 @@ __all__ = [
     "Box",
     "CoefficientHydrodynamics",
     "ConstantSteer",
+    "CrossSection",
     "Hull",
     "Hydrodynamics",
     "ImplausibleValue",
@@ -45,11 +50,13 @@ __all__ = [
     "SimulationError",
     "SimulationInterrupted",
     "Soil",
+    "StartPose",
     "Steering",
     "Suspension",
     "Terrain",
     "Vehicle",
     "Water",
+    "WaterField",
     "Wheel",
     "WheelArches",
     "Wishbones",
@@ -57,6 +64,7 @@ __all__ = [
     "lane_shift",
     "load_dataset",
     "load_vehicle",
+    "read_river",
     "save_dataset",
     "simulate",
     "summary",

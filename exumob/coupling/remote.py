@@ -105,7 +105,7 @@ class RemoteFlow:
         self._names = None
         question = {
             "vehicle": json.loads(parameters_json({"vehicle": vehicle}))["vehicle"]["Vehicle"],
-            "water": {"depth": water.depth, "density": water.density, "velocity": water.velocity.tolist()},
+            "water": {"depth": water.uniform_depth, "density": water.density, "velocity": water.velocity.tolist()},
             "poses": _as_lists(poses), "time": time,
         }  # fmt: skip
         try:

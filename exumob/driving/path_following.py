@@ -26,6 +26,7 @@ from exumob.support.declared import Declared, checked
 from exumob.support.quantities import WHEEL_SPEED, Quantity
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Motion, Vehicle
+from exumob.vehicle.start_pose import StartPose
 
 logger = logging.getLogger(__name__)
 
@@ -83,7 +84,7 @@ class PathFollowing(Declared):
     """
 
     waypoints: Annotated[tuple[Point, ...], PLACE] = lane_shift()
-    """World x, y, at least two points; a run starts at the origin, near which the path must pass. Before the first and
+    """World x, y, at least two points; the path must pass near the start of the run. Before the first and
     after the last the path goes straight on. The heading wanted turns from the middle of one piece to the middle of the
     next: place points so close that a bend is round"""
     speed: Annotated[float, WHEEL_SPEED] = 10.0
@@ -139,25 +140,26 @@ class PathFollowing(Declared):
 
     def driver(self, vehicle: Vehicle) -> StanleyDriver:
         """Return a driver who follows the path with this vehicle, for one run."""
-        self.check_start(vehicle)
         return StanleyDriver(self)
 
-    def check_start(self, vehicle: Vehicle) -> None:
-        """Refuse a path that is far from where a run of this vehicle starts, at the world's origin.
+    def check_start(self, vehicle: Vehicle, start: StartPose | None = None) -> None:
+        """Refuse a path that is far from where a run of this vehicle starts, by default at the world's origin.
 
         Raises
         ------
         ValueError
             If no piece of the path comes near the start.
         """
-        x, y = (float(place) for place in vehicle.wheel_centers[:2, :2].mean(axis=0))
+        pose = StartPose() if start is None else start
+        x, y = (float(place) for place in pose.to_world(vehicle.wheel_centers[:2, :2].mean(axis=0)))
         apart, nearest = _Polyline(self.waypoints).distance_of_pieces(x, y)
         most = REMOTE * max(1.0, vehicle.wheelbase)
         if apart > most:
             raise ValueError(
                 f"PathFollowing.waypoints: the path comes no nearer to the front axle at the start, ({x:.3g}, {y:.3g}) "
                 f"m, than {apart:.6g} m, at ({nearest[0]:.9g}, {nearest[1]:.9g}) m; {most:g} m at most. A run starts "
-                "at the world's origin: subtract the place of the start from map coordinates, or begin the path there."
+                f"at ({pose.x:g}, {pose.y:g}) m: subtract the place of the start from map coordinates, give "
+                "simulate(start=...), or begin the path there."
             )
 
     def warn_of_length(self, reach: float) -> None:

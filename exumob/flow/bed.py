@@ -144,16 +144,17 @@ class Bed:
             False: log a warning, once, instead of raising.
         """
         h = HALO
-        if start and self.heights[h:-h, h:-h].min() >= water.depth:
+        if start and self.heights[h:-h, h:-h].min() >= water.uniform_depth:
             raise ValueError(
-                f"terrain: no bed in the window lies below the still level, Water.depth = {water.depth:g} m above "
-                f"z = 0 (the lowest is at {self.heights[h:-h, h:-h].min():.4g} m); raise the level or lower the bed."
+                f"terrain: no bed in the window lies below the still level, Water.depth = {water.uniform_depth:g} m "
+                f"above z = 0 (the lowest is at {self.heights[h:-h, h:-h].min():.4g} m); raise the level or lower the "
+                "bed."
             )
         speed = math.hypot(far[0], far[1])
         if speed == 0.0 or not zone.any():
             return
         uphill = np.abs(far[0] * self._shape.slope_x[zone] + far[1] * self._shape.slope_y[zone]).max() / speed
-        depths = np.maximum(water.depth - self.heights[zone], 0.0)
+        depths = np.maximum(water.uniform_depth - self.heights[zone], 0.0)
         uneven = (depths.max() - depths.min()) / max(float(depths.mean()), 1e-9)
         if uphill <= CONTOUR or uneven <= UNEVEN:
             return

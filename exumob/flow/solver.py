@@ -78,12 +78,14 @@ class FlowSolver:
         self.metrics = grid.metrics
         top, bottom = float(grid.z_faces[-1]), float(grid.z_faces[0])
         self._step = TimeStep(grid, self.solids, water, settings, terrain)
-        if not self.has_given_bed and water.depth <= bottom:
-            raise ValueError(f"Water.depth = {water.depth} m does not reach the bed at z = {bottom:g} m; raise it.")
-        if water.depth > top - (0.0 if settings.closed_top else 2.0 * grid.smallest_width):
+        if not self.has_given_bed and water.uniform_depth <= bottom:
             raise ValueError(
-                f"Water.depth = {water.depth} m does not fit a window {top:g} m high; raise Grid.z_faces to at least "
-                f"{2.0 * water.depth:g} m (three times the depth for bow waves)."
+                f"Water.depth = {water.uniform_depth} m does not reach the bed at z = {bottom:g} m; raise it."
+            )
+        if water.uniform_depth > top - (0.0 if settings.closed_top else 2.0 * grid.smallest_width):
+            raise ValueError(
+                f"Water.depth = {water.uniform_depth} m does not fit a window {top:g} m high; raise Grid.z_faces to at "
+                f"least {2.0 * water.uniform_depth:g} m (three times the depth for bow waves)."
             )
         if settings.follow is not None and settings.follow >= len(self.solids):
             raise ValueError(
@@ -300,7 +302,7 @@ class FlowSolver:
         """Pressure above that of air [Pa], shape (ny, nz, nx); 0 in dry cells."""
         h, s = HALO, self._state
         z = self.metrics.zc[None, h:-h, None]
-        gauge = s.phi[h:-h, h:-h, h:-h] / s.phi_dt - GRAVITY * (z - self.water.depth)
+        gauge = s.phi[h:-h, h:-h, h:-h] / s.phi_dt - GRAVITY * (z - self.water.uniform_depth)
         return np.where(s.wet[h:-h, h:-h, h:-h] == 1, self.water.density * gauge, 0.0)
 
     def surface_height(self) -> Array:

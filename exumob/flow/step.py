@@ -118,7 +118,7 @@ class TimeStep:
     ) -> None:
         """Allocate; see the class."""
         self.metrics, self.water, self.settings = grid.metrics, water, settings
-        self.fluid = Fluid(float(water.density), float(water.depth), float(settings.viscosity))
+        self.fluid = Fluid(float(water.density), float(water.uniform_depth), float(settings.viscosity))
         self.placement = Placement(grid, solids, terrain, settings)
         self.far_field = FarField(grid, self.fluid.level, self.placement.bed_heights, settings)
         self.levels = assembly.Levels(self.metrics)

@@ -60,7 +60,7 @@ def vehicle_window(
         frames = np.zeros((1, 3)) if frames is None else frames
         bottom = lowest_bed(terrain, frames, *corners, spacing=0.1) - cell_size
     grid = Grid.around_vehicle(
-        vehicle, cell_size, ahead=ahead, behind=behind, aside=aside, top=max(TOP * scale, 3.5 * water.depth),
+        vehicle, cell_size, ahead=ahead, behind=behind, aside=aside, top=max(TOP * scale, 3.5 * water.uniform_depth),
         bottom=bottom,
     )  # fmt: skip
     require_room(f"{vehicle.name}: cell_size = {cell_size:g} m", grid)

@@ -26,6 +26,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from exumob.ground.regular_grid import RegularGrid
 from exumob.support.arrays import Array
 from exumob.support.checks import require_finite
 from exumob.support.cost import require_memory
@@ -42,6 +43,8 @@ TERRAIN_RECORD = np.dtype(
         ("origin_y", "f8"),
         ("spacing_x", "f8"),
         ("spacing_y", "f8"),
+        ("cos", "f8"),
+        ("sin", "f8"),
     ]
 )
 """A `Terrain` but for its field of heights, as compiled code sees it; units as in `Terrain`."""
@@ -51,6 +54,14 @@ HEIGHT_RANGE = (-1000.0, 9000.0)
 
 BYTES_PER_POINT = 180
 """Memory for a point of a field while its slopes are limited [bytes]; 40 are kept."""
+
+BEYOND = "give a larger field, or pad it (numpy.pad with mode='edge') if the ground goes on as at its edge."
+"""What to do about places beyond the field's edge."""
+ELSEWHERE = (
+    "Terrain.origin is the place of heights[0, 0] in the world, in which a run starts at (0, 0) unless simulate.start "
+    "says where: subtract the place of the start from map coordinates, or give it as start."
+)
+"""What to do about places that are nowhere near the field."""
 
 SLOPE = Quantity("1", at_least=-2.0, at_most=2.0, remedy="slopes are rise over run: math.tan(angle).")
 
@@ -76,7 +87,7 @@ class Terrain(Declared):
     """Field added to the plane, at least 2 by 2 points, rows towards +y. Between its points it is interpolated smoothly
     within their range (module docstring); outside, the values at its edge continue"""
     origin: Annotated[tuple[float, float], Quantity("m", at_least=-1e9, at_most=1e9)] = (0.0, 0.0)
-    """World x, y of ``heights[0, 0]``. A run starts at the world's origin: subtract its place from map coordinates"""
+    """World x, y of ``heights[0, 0]``. A run starts at the world's origin unless it is given a start"""
     spacing: Annotated[
         float | tuple[float, float],
         Quantity(
@@ -90,6 +101,9 @@ class Terrain(Declared):
     """Distance between the points of the field; two values: along x and along y"""
     steepest: Annotated[float, Quantity("1", above=0.0, at_most=1e6)] = 5.0
     """Largest slope between neighbouring points of the field; a steeper one is taken for a mark of missing data"""
+    direction: Annotated[float, DIRECTION] = 0.0
+    """Direction of the field's rows, counter-clockwise from world x: the field is turned about `origin`, the plane is
+    not"""
 
     def _check(self) -> None:
         dx, dy = self.spacing if isinstance(self.spacing, tuple) else (self.spacing, self.spacing)
@@ -161,15 +175,20 @@ class Terrain(Declared):
         return self.spacing
 
     @property
-    def extent(self) -> tuple[float, float, float, float] | None:
-        """Smallest x, largest x, smallest y and largest y of the field [m]; None for a plane, which has no end."""
+    def _grid(self) -> RegularGrid | None:
+        """Where the points of the field lie; None for a plane."""
         if self.heights is None:
             return None
-        (x, y), (dx, dy), (n_y, n_x) = self.origin, self._steps, np.shape(self.heights)
-        return x, x + dx * (n_x - 1), y, y + dy * (n_y - 1)
+        n_y, n_x = np.shape(self.heights)
+        return RegularGrid(self.origin, self._steps, (n_y, n_x), self.direction)
+
+    @property
+    def extent(self) -> tuple[float, float, float, float] | None:
+        """Smallest x, largest x, smallest y and largest y of the field [m]; None for a plane, which has no end."""
+        return None if self._grid is None else self._grid.extent
 
     def holds(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which points lie within the field's extent; all do for a plane.
+        """Tell which points lie within the field; all do for a plane.
 
         Parameters
         ----------
@@ -180,13 +199,9 @@ class Terrain(Declared):
         -------
         array of bool, shape (...)
         """
-        x, y = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
-        if self.extent is None:
-            return np.ones(x.shape, dtype=bool)
-        (low_x, high_x, low_y, high_y), (dx, dy) = self.extent, self._steps
-        off_x, off_y = 1e-6 * dx, 1e-6 * dy  # rounding, in map coordinates above all
-        inside_x = (x >= low_x - off_x) & (x <= high_x + off_x)
-        return np.asarray(inside_x & (y >= low_y - off_y) & (y <= high_y + off_y))
+        if self._grid is None:
+            return np.ones(np.shape(points)[:-1], dtype=bool)
+        return self._grid.holds(points)
 
     def require_inside(self, name: str, what: str, points: ArrayLike, remedy: str = "") -> None:
         """Refuse points that lie outside the field of heights.
@@ -207,31 +222,20 @@ class Terrain(Declared):
         ValueError
             With the extents of the field and of the points, and the likely cause.
         """
-        places = np.asarray(points, dtype=float)
-        if self.extent is None or self.holds(places).all():
-            return
-        x_low, x_high, y_low, y_high = self.extent
-        (low_x, low_y), (high_x, high_y) = places.min(axis=0), places.max(axis=0)
-        away = max(x_low - high_x, low_x - x_high, y_low - high_y, low_y - y_high)
-        if not remedy:
-            remedy = "give a larger field, or pad it (numpy.pad with mode='edge') if the ground goes on as at its edge."
-            if away > 0.0:
-                remedy = (
-                    "Terrain.origin is the place of heights[0, 0] in the world, in which a run starts at (0, 0): "
-                    "subtract the place of the start from map coordinates."
-                )
-        raise ValueError(
-            f"{name}: the field of heights reaches from x = {x_low:.9g} to {x_high:.9g} m and from y = {y_low:.9g} to "
-            f"{y_high:.9g} m, which does not hold {what}, x = {low_x:.9g} to {high_x:.9g} m, y = {low_y:.9g} to "
-            f"{high_y:.9g} m; {remedy}"
-        )
+        if self._grid is not None:
+            self._grid.require_inside(name, "the field of heights", what, points, remedy or BEYOND, remedy or ELSEWHERE)
 
     @cached_property
     def _nodes(self) -> Array:
         return np.zeros((0, 0, 4)) if self.heights is None else hermite_nodes(np.asarray(self.heights, dtype=float))
 
-    def as_arrays(self) -> tuple[np.ndarray, Array]:
+    def as_arrays(self, about: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> tuple[np.ndarray, Array]:
         """Return the terrain as compiled code reads it, see `terrain_height`.
+
+        Parameters
+        ----------
+        about : tuple of float, optional
+            World x, y, z from which coordinates and heights count [m]; near the vehicle they keep all their digits.
 
         Returns
         -------
@@ -241,8 +245,22 @@ class Terrain(Declared):
             Field added to the plane, as `hermite_nodes` gives it [m]; not to be changed.
         """
         terrain = np.zeros(1, TERRAIN_RECORD)
-        terrain[0] = self.height, self.slope_x, self.slope_y, *self.origin, *self._steps
+        x, y, z = about
+        height = self.height + self.slope_x * x + self.slope_y * y - z
+        place = self.origin[0] - x, self.origin[1] - y
+        turn = math.cos(self.direction), math.sin(self.direction)
+        terrain[0] = height, self.slope_x, self.slope_y, *place, *self._steps, *turn
         return terrain, self._nodes
+
+    def turned_back(self) -> tuple[np.ndarray, Array]:
+        """Return `as_arrays` of the terrain as it is in axes that are turned with the field, about its origin."""
+        (terrain, nodes), (x, y) = self.as_arrays(), self.origin
+        c, s = math.cos(self.direction), math.sin(self.direction)
+        along, across = c * self.slope_x + s * self.slope_y, c * self.slope_y - s * self.slope_x
+        height = self.height + (self.slope_x - along) * x + (self.slope_y - across) * y
+        terrain["height"], terrain["slope_x"], terrain["slope_y"] = height, along, across
+        terrain["cos"], terrain["sin"] = 1.0, 0.0
+        return terrain, nodes
 
     def height_and_normal(self, x: float, y: float) -> tuple[float, Array]:
         """Return the height [m] and the unit normal, world axes, shape (3,), at a point x, y [m]."""
@@ -347,8 +365,9 @@ def terrain_height(terrain: Any, nodes: Array, x: float, y: float) -> tuple[floa
     n_y, n_x, _ = nodes.shape
     if n_x == 0:
         return z, slope_x, slope_y
-    column = (x - terrain.origin_x) / terrain.spacing_x
-    row = (y - terrain.origin_y) / terrain.spacing_y
+    away_x, away_y = x - terrain.origin_x, y - terrain.origin_y
+    column = (away_x * terrain.cos + away_y * terrain.sin) / terrain.spacing_x
+    row = (away_y * terrain.cos - away_x * terrain.sin) / terrain.spacing_y
     if math.isnan(column) or math.isnan(row):
         return math.nan, math.nan, math.nan  # and no place in the memory
     inside_x = 0.0 <= column <= n_x - 1.0
@@ -365,13 +384,16 @@ def terrain_height(terrain: Any, nodes: Array, x: float, y: float) -> tuple[floa
     above = f_0 * r[0] + a_0 * r[1] + f_1 * s[0] + a_1 * s[1]
     above_rise = f_0 * r[2] + a_0 * r[3] + f_1 * s[2] + a_1 * s[3]
     z += g_0 * below + b_0 * below_rise + g_1 * above + b_1 * above_rise
+    along, across = 0.0, 0.0
     if inside_x:
-        slope_x += (
+        along = (
             g_0 * (df_0 * p[0] + da_0 * p[1] + df_1 * q[0] + da_1 * q[1])
             + b_0 * (df_0 * p[2] + da_0 * p[3] + df_1 * q[2] + da_1 * q[3])
             + g_1 * (df_0 * r[0] + da_0 * r[1] + df_1 * s[0] + da_1 * s[1])
             + b_1 * (df_0 * r[2] + da_0 * r[3] + df_1 * s[2] + da_1 * s[3])
         ) / terrain.spacing_x
     if inside_y:
-        slope_y += (dg_0 * below + db_0 * below_rise + dg_1 * above + db_1 * above_rise) / terrain.spacing_y
+        across = (dg_0 * below + db_0 * below_rise + dg_1 * above + db_1 * above_rise) / terrain.spacing_y
+    slope_x += along * terrain.cos - across * terrain.sin
+    slope_y += along * terrain.sin + across * terrain.cos
     return z, slope_x, slope_y

@@ -206,7 +206,7 @@ def load_scale(states: BodyStates, water: Water) -> tuple[float, float]:
     position = states.position.astype(float)
     length = float(np.linalg.norm(np.ptp(position[0], axis=0)))
     speed = float(np.linalg.norm(states.velocity - water.velocity, axis=-1).max())
-    force = float(water.density * (9.81 * water.depth + 0.5 * speed**2) * length**2)
+    force = float(water.density * (9.81 * water.uniform_depth + 0.5 * speed**2) * length**2)
     return force, force * length
 
 
@@ -229,9 +229,10 @@ def check_loads(states: BodyStates, wrench: Array, water: Water, name: str) -> N
         for largest, most in ((float(np.quantile(sizes, 0.99)), MOST_LOAD), (float(sizes.max()), MOST_JUMP)):
             if largest > most * scale:
                 raise ValueError(
-                    f"{name}: {what} of {largest:.3g} {unit} are {largest / scale:.3g} times what {water.depth:g} m of "
-                    f"water exert on a vehicle of this size at this speed, about {scale:.3g} {unit} (limit: {most:g} "
-                    "times); look at the unit of the loads, and at those of length and time."
+                    f"{name}: {what} of {largest:.3g} {unit} are {largest / scale:.3g} times what "
+                    f"{water.uniform_depth:g} m of water exert on a vehicle of this size at this speed, about "
+                    f"{scale:.3g} {unit} (limit: {most:g} times); look at the unit of the loads, and at "
+                    "those of length and time."
                 )
     if not np.abs(wrench[..., :3]).max() > 0.0:
         raise ValueError(f"{name}: all forces of the water are 0; look at the columns of the loads.")
@@ -272,7 +273,8 @@ def water_of(run: xr.Dataset) -> Water:
         stored = json.loads(run.attrs["parameters"])["water"]
         if stored is not None:
             ((_, fields),) = stored.items()
-            return Water(**{key: unusual(value) for key, value in fields.items()})
+            given: dict[str, Any] = {key: unusual(value) for key, value in fields.items()}
+            return Water(**given)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ValueError(
             f"{name}: its parameters do not say in which water it was made ({type(error).__name__}: {error}); make the "

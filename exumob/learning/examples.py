@@ -73,7 +73,7 @@ def training_runs(folder: str | Path) -> dict[str, xr.Dataset]:
 def validation_run(runs: Mapping[str, xr.Dataset], seed: int) -> str:
     """Name of the run that a seed keeps for validation: its depth and current lie within those of the others."""
     names = sorted(runs)
-    points = np.array([[1.0, (w := water_of(runs[name])).depth, w.current_speed] for name in names])
+    points = np.array([[1.0, (w := water_of(runs[name])).uniform_depth, w.current_speed] for name in names])
     scaled = points / np.maximum(np.abs(points).max(axis=0), 1e-12)
     inside = [
         name for n, name in enumerate(names) if nnls(np.delete(scaled, n, axis=0).T, scaled[n])[1] < 1e-6

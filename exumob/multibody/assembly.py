@@ -61,15 +61,15 @@ class Joints(NamedTuple):
 def assemble(
     mbs: Any, vehicle: Vehicle, pose: tuple[Array, Array], command: DrivingCommand, loads: np.void | None
 ) -> Joints:  # fmt: skip
-    """Build the vehicle at ride height, and assemble the system.
+    """Build the vehicle at ride height in a pose, and assemble the system.
 
     Parameters
     ----------
     mbs : exudyn.MainSystem
         Empty.
     vehicle : Vehicle
-    pose : tuple of array
-        Where its design frame lies (`exumob.multibody.placing.standing_pose`).
+    pose : (array, array)
+        Place [m] and rotation of the design frame (`exumob.multibody.placing.standing_pose`).
     command : DrivingCommand
         The steering constraints read their rates from it while the system runs.
     loads : record of dtype `exumob.multibody.applied_loads.LOADS`, optional

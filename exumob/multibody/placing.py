@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.vehicle.parameters import Vehicle
+from exumob.vehicle.start_pose import StartPose
 
 ROUNDS = 50
 """Most rounds of fitting the pose to the ground under the wheels."""
 
 
-def standing_pose(vehicle: Vehicle, terrain: Terrain, hull_points: Array | None = None) -> tuple[Array, Array]:
+def standing_pose(
+    vehicle: Vehicle, terrain: Terrain, start: StartPose | None = None, hull_points: Array | None = None
+) -> tuple[Array, Array]:  # fmt: skip
     """Return the pose of the design frame in which the vehicle, as it is at ride height, lies on the terrain.
 
-    The frame lies over the world's origin and heads along world x. Its height, pitch and roll are those of the plane
-    that fits the ground under the four wheel centres best (least squares); then it is raised until no tyre reaches
-    below the surface, and no point of the hull. On a plane all four tyres touch; elsewhere the springs do the rest
-    while the vehicle settles.
+    The frame lies over the start and heads as that says, by default over the world's origin and along world x. Its
+    height, pitch and roll are those of the plane that fits the ground under the four wheel centres best (least
+    squares); then it is raised until no tyre reaches below the surface, and no point of the hull. On a plane all four
+    tyres touch; elsewhere the springs do the rest while the vehicle settles.
 
     Parameters
     ----------
     vehicle : Vehicle
     terrain : Terrain
+    start : StartPose, optional
     hull_points : array, shape (n, 3), optional
         Points of the hull that must not start in the soil, design frame [m].
 
@@ -34,26 +40,28 @@ def standing_pose(vehicle: Vehicle, terrain: Terrain, hull_points: Array | None 
     rotation : array, shape (3, 3)
         Rotation matrix, design frame to world.
     """
-    height, normal = terrain.height_and_normal(0.0, 0.0)
+    start = StartPose() if start is None else start
+    place = np.array([start.x, start.y])
+    height, normal = terrain.height_and_normal(start.x, start.y)
     slopes = -normal[:2] / normal[2]
     for _ in range(ROUNDS):
-        rotation = _frame_on(slopes)
-        centers = np.array([0.0, 0.0, height]) + vehicle.wheel_centers @ rotation.T
+        rotation = _frame_on(slopes, start.heading)
+        centers = np.array([*place, height]) + vehicle.wheel_centers @ rotation.T
         gaps = np.array([_above_contact(vehicle.wheel.radius, terrain, center) for center in centers])
-        fit = np.column_stack([np.ones(4), centers[:, :2]])
+        fit = np.column_stack([np.ones(4), centers[:, :2] - place])
         raised, *turned = np.linalg.lstsq(fit, -gaps, rcond=None)[0]
         if max(abs(raised), *np.abs(turned)) < 1e-12:
             break
         height, slopes = height + raised, np.clip(slopes + turned, -2.0, 2.0)
     else:  # no pose fits better and better; the last one, raised, is as good as any
-        rotation = _frame_on(slopes)
-        centers = np.array([0.0, 0.0, height]) + vehicle.wheel_centers @ rotation.T
+        rotation = _frame_on(slopes, start.heading)
+        centers = np.array([*place, height]) + vehicle.wheel_centers @ rotation.T
         gaps = np.array([_above_contact(vehicle.wheel.radius, terrain, center) for center in centers])
     lowest = min(gaps.min(), 0.0)
     if hull_points is not None and terrain.heights is not None:  # at ride height it is clear of a plane
-        placed = np.array([0.0, 0.0, height]) + hull_points @ rotation.T
+        placed = np.array([*place, height]) + hull_points @ rotation.T
         lowest = min([lowest, *(z - terrain.height_and_normal(x, y)[0] for x, y, z in placed)])
-    return np.array([0.0, 0.0, height - lowest]), rotation
+    return np.array([*place, height - lowest]), rotation
 
 
 def _above_contact(radius: float, terrain: Terrain, center: Array) -> float:
@@ -62,10 +70,10 @@ def _above_contact(radius: float, terrain: Terrain, center: Array) -> float:
     return float(center[2] - ground - radius / normal[2])
 
 
-def _frame_on(slopes: Array) -> Array:
-    """Rotation matrix whose z axis is the normal of a plane of these slopes, and whose x axis points along world x."""
+def _frame_on(slopes: Array, heading: float) -> Array:
+    """Rotation matrix whose z axis is the normal of a plane of these slopes, and with x along a heading."""
     normal = np.array([-slopes[0], -slopes[1], 1.0])
     normal /= np.linalg.norm(normal)
-    left = np.cross(normal, [1.0, 0.0, 0.0])
+    left = np.cross(normal, [math.cos(heading), math.sin(heading), 0.0])
     left /= np.linalg.norm(left)
     return np.column_stack([np.cross(left, normal), left, normal])

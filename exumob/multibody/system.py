@@ -37,6 +37,7 @@ from exumob.support.exudyn import exu
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.point_force import PointForce
+from exumob.vehicle.start_pose import StartPose
 
 logger = logging.getLogger(__name__)
 
@@ -83,6 +84,8 @@ class MultibodyVehicle:
         Forces of the user's own.
     hull : HullContact, optional
         How the hull meets the ground; None: they do not touch each other.
+    start : StartPose, optional
+        Where the vehicle stands at time 0; default: at the world's origin, heading along world x.
 
     Notes
     -----
@@ -103,6 +106,7 @@ class MultibodyVehicle:
         user_loads: bool = False,
         forces: Sequence[PointForce] = (),
         hull: HullContact | None = None,
+        start: StartPose | None = None,
     ) -> None:
         """Build the system at ride height on the terrain."""
         self.vehicle = vehicle
@@ -121,9 +125,14 @@ class MultibodyVehicle:
             (force, force.body_number, np.array(force.point) - origins[force.body_number]) for force in forces
         ]
         self.energy_account = np.zeros(1, ENERGY_ACCOUNT)
-        self._heights = terrain.as_arrays()[1]
-        pose = standing_pose(vehicle, terrain, hull.points["position"] + vehicle.hull_origin)
-        self._ground_normal = pose[1][:, 2]
+        start = StartPose() if start is None else start
+        hull_points = hull.points["position"] + vehicle.hull_origin
+        place, tilt = standing_pose(vehicle, terrain, start, hull_points)
+        # the system counts from the start: coordinates of a map would take digits from sinkage and constraints
+        self._about = np.array([start.x, start.y, terrain.height_and_normal(start.x, start.y)[0]])
+        local, self._heights = terrain.as_arrays(tuple(self._about.tolist()))
+        self.parameters["terrain"] = local
+        self._ground_normal = tilt[:, 2]
         self._command = DrivingCommand()
         self.start_kind = ""
         """How the run started, see `exumob.multibody.settling.Start`"""
@@ -133,7 +142,9 @@ class MultibodyVehicle:
 
         self._container = exu.SystemContainer()
         self.mbs = self._container.AddSystem()
-        joints = assemble(self.mbs, vehicle, pose, self._command, self.loads[0] if user_loads else None)
+        joints = assemble(
+            self.mbs, vehicle, (place - self._about, tilt), self._command, self.loads[0] if user_loads else None
+        )  # fmt: skip
         self._joints = joints
         data = self.mbs.systemData
         self._q = data.GetODE2Coordinates(copy=False)  # live views
@@ -150,7 +161,11 @@ class MultibodyVehicle:
         self._solver = exu.MainSolverImplicitSecondOrder()
         self._constraints = Constraints(self.mbs, self._q, self._v, self._multipliers, self._spin_rows)
         self._predictor = Predictor(self._q, self._v, self._a, self._multipliers, NewmarkFactors.of(SPECTRAL_RADIUS))
-        self._recorder = Recorder(SystemState(self._q, self._v, self._a, self._reference), duration, record_step)
+        about = np.tile([*self._about, 0.0, 0.0, 0.0, 0.0], len(self._reference) // 7)
+        self._recorder = Recorder(
+            SystemState(self._q, self._v, self._a, self._reference + about),
+            duration, record_step,
+        )  # fmt: skip
 
     # -- running -----------------------------------------------------------------------------------------------------
 
@@ -291,7 +306,7 @@ class MultibodyVehicle:
         arm, position, velocity = np.empty(3), np.empty(3), np.empty(3)
         for force, body, place in self._forces:  # bodies 1 to 4 are the uprights
             point_motion(node[body], rate[body], place, arm, position, velocity)
-            add_force(force.at(time, position.copy(), velocity.copy()), arm, wrenches[body])
+            add_force(force.at(time, position + self._about, velocity.copy()), arm, wrenches[body])
 
     def _before_residual(self, mbs: Any, time: float, newton_iteration: int, discontinuous_iteration: int) -> None:
         if newton_iteration == 0:

@@ -97,7 +97,10 @@ class _Scene:
         for k, patch in enumerate(self.outlines):
             top.add_patch(patch)
             patch.set_facecolor("C0" if k == 0 else BODY_COLOR)
-        depth = water.get("depth", 0.0)
+        depth = float(dataset["water_depth"].max()) if "water_depth" in dataset else water.get("depth", 0.0)
+        self.level = np.full(dataset.sizes["time"], self.terrain.height + depth)
+        if "water_level" in dataset:
+            self.level = dataset["water_level"].values
         places = dataset["position"].values
         height = places[..., 2] - self._ground(places[:, 0])[:, None]  # above the soil below the hull's centre
         above_hull = float(self.hull.extent[1][2]) - self.hull.center_of_mass_height
@@ -107,8 +110,9 @@ class _Scene:
         self.heights = low - 0.2 * (high - low), high + 0.1 * (high - low)
         self.soil = Polygon(np.zeros((3, 2)), fc=SOIL_COLOR, ec="none", zorder=0)
         side.add_patch(self.soil)
+        self.water = Polygon(np.zeros((3, 2)), color=WATER_COLOR, alpha=0.35, zorder=4)
         if depth:
-            side.axhspan(0.0, depth, color=WATER_COLOR, alpha=0.35, zorder=4)
+            side.add_patch(self.water)
         side.set(
             ylim=self.heights, ylabel="z [m]", aspect="equal", xlabel="along the heading, from the hull's centre [m]"
         )
@@ -146,13 +150,15 @@ class _Scene:
         heights = [self.terrain.height_and_normal(float(place[0]), float(place[1]))[0] for place in flat]
         return np.array(heights).reshape(places.shape[:-1])
 
-    def _move_soil(self, origin: Array, heading: Array) -> None:
-        """Draw the soil below the heading, and keep the vehicle in the picture where it goes up or down."""
+    def _move_soil(self, origin: Array, heading: Array, level: float) -> None:
+        """Draw soil and water below the heading, and keep the vehicle in the picture where it goes up or down."""
         along = np.linspace(*self.side.get_xlim(), 81)
         surface = self._ground(origin[:2] + along[:, None] * heading)
         here = float(self._ground(origin[:2]))
         bottom = here + self.heights[0] - 1.0
         self.soil.set_xy([(along[0], bottom), *zip(along, surface, strict=True), (along[-1], bottom)])
+        top = np.maximum(surface, level) if math.isfinite(level) else surface
+        self.water.set_xy([*zip(along, surface, strict=True), *zip(along[::-1], top[::-1], strict=True)])
         self.side.set_ylim(here + self.heights[0], here + self.heights[1])
 
     def frame(self, index: int) -> list[Artist]:
@@ -162,7 +168,7 @@ class _Scene:
         yaw, pitch = (float(data[name].values[index, 0]) for name in ("yaw", "pitch"))
         heading = np.array([np.cos(yaw), np.sin(yaw)])
         origin = data["position"].values[index, 0]
-        self._move_soil(origin, heading)
+        self._move_soil(origin, heading, float(self.level[index]))
         c, s = np.cos(pitch), np.sin(pitch)
         for patch, outline in zip(self.profile, self.outline, strict=True):
             profile = outline - [hull.center_of_mass_x, hull.center_of_mass_height]
@@ -179,4 +185,4 @@ class _Scene:
             f"{water_label(data)}   t = {float(data['time'].values[index]):.2f} s   speed {speed:.2f} m/s   "
             f"yaw {round(math.degrees(yaw)) + 0}°"
         )
-        return [*self.outlines, self.soil, *self.profile, *self.rims, *self.spokes, self.title]
+        return [*self.outlines, self.soil, self.water, *self.profile, *self.rims, *self.spokes, self.title]

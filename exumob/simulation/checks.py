@@ -11,12 +11,15 @@ from exumob.coupling.macro_step import FollowFlow
 from exumob.coupling.scheme import Scheme
 from exumob.driving.maneuver import FeedbackManeuver, Maneuver
 from exumob.driving.path_following import PathFollowing
+from exumob.ground.terrain import Terrain
 from exumob.simulation.cost import require_room
 from exumob.simulation.description import RunDescription, Steps
 from exumob.support.checks import require_positive
 from exumob.vehicle.motion import HISTORY_STEP
 from exumob.vehicle.parameters import Vehicle
-from exumob.water.hydrodynamics import SpinUpHydrodynamics
+from exumob.vehicle.start_pose import StartPose
+from exumob.water.conditions import Water
+from exumob.water.hydrodynamics import BedHydrodynamics, Hydrodynamics, NoWater, SpinUpHydrodynamics
 
 MOST_SAMPLES = 100_000
 """Instants at which a maneuver is looked at; of a longer one than 100 s not every millisecond."""
@@ -48,6 +51,39 @@ def check_steps(steps: Steps) -> None:
     require_room(steps)
 
 
+def check_water_model(
+    hydrodynamics: Hydrodynamics, water: Water | None, terrain: Terrain, start: StartPose
+) -> None:  # fmt: skip
+    """Refuse water that a model does not know, and tell one that knows terrain of it.
+
+    Raises
+    ------
+    ValueError
+        If there is water, the model has no `set_bed`, and the water is none of one depth over level ground at z = 0.
+    """
+    if isinstance(hydrodynamics, BedHydrodynamics):
+        hydrodynamics.set_bed(terrain)
+        return
+    if water is None or type(hydrodynamics) is NoWater:
+        return
+    name = type(hydrodynamics).__name__
+    if isinstance(hydrodynamics, SpinUpHydrodynamics):
+        name, remedy = f"the flow in the loop ({name})", "take hydrodynamics='coefficients', or level ground"
+    else:
+        remedy = "give the model a function set_bed (exumob.water.hydrodynamics.BedHydrodynamics), or level ground"
+    if water.depth is None:
+        raise ValueError(
+            f"simulate.water: {name} knows water of one depth and one current only, Water(depth=...); {remedy}."
+        )
+    if not (terrain.is_flat and terrain.height == 0.0):
+        raise ValueError(f"simulate.terrain: {name} knows water over level ground at z = 0 only; {remedy}.")
+    if start != StartPose() and isinstance(hydrodynamics, SpinUpHydrodynamics):
+        raise ValueError(
+            f"simulate.start: with {name} a run starts at the world's origin, heading along world x; turn the current "
+            "instead (Water.current_direction)."
+        )
+
+
 def check_following(run: RunDescription) -> None:
     """Raise ValueError if the macro step is to follow a flow that there is not, or by a scheme without a record."""
     if not isinstance(run.steps.macro_step, FollowFlow):
@@ -74,8 +110,10 @@ def check_described(maneuver: Maneuver) -> None:
         )
 
 
-def check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> tuple[float, float]:
-    """Raise ValueError unless a maneuver is finite, starts steadily and stays within the steering limit.
+def check_maneuver(
+    vehicle: Vehicle, maneuver: Maneuver, duration: float, start: StartPose | None = None
+) -> tuple[float, float]:  # fmt: skip
+    """Raise ValueError unless a maneuver is finite, starts steadily and where the vehicle does, and can be steered.
 
     Returns
     -------
@@ -88,7 +126,7 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> tup
     if not (np.isfinite(steering).all() and np.isfinite(speed).all()):
         raise ValueError("maneuver: steering or wheel_speed is not finite within the duration; mend its definition.")
     if isinstance(maneuver, PathFollowing):
-        maneuver.check_start(vehicle)
+        maneuver.check_start(vehicle, start)
         maneuver.warn_of_length(vehicle.wheel.radius * float(np.abs(speed[:, 0]).max()) * duration)
     largest = np.abs(steering[:, 0]).max()
     if isinstance(maneuver, FeedbackManeuver):

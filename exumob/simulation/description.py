@@ -12,6 +12,7 @@ from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.point_force import PointForce
+from exumob.vehicle.start_pose import AT_ORIGIN, StartPose
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics
 
@@ -54,6 +55,8 @@ class RunDescription:
     """Forces of the user's own"""
     user_loads: bool = False
     """Whether the loads enter as user loads of Exudyn, not as one vector of generalised forces"""
+    start: StartPose = AT_ORIGIN
+    """Where the vehicle begins, and its heading there"""
 
     def parts(self) -> dict[str, Any]:
         """Return the parts by name; the steps as a dict of numbers [s]."""

@@ -13,8 +13,11 @@ from numpy.typing import NDArray
 from exumob.ground.terrain import Terrain, terrain_height
 from exumob.support.arrays import Array
 from exumob.support.kernels import njit
+from exumob.support.rotations import about_z
 from exumob.vehicle.motion import BODIES, BodyStates
 from exumob.vehicle.parameters import Vehicle
+from exumob.vehicle.start_pose import StartPose
+from exumob.water.conditions import Water
 from exumob.water.wetted_surface import Integers, hull_triangles
 
 logger = logging.getLogger(__name__)
@@ -55,7 +58,11 @@ def keel_clearance(vehicle: Vehicle, terrain: Terrain, states: BodyStates) -> Ar
         for n in range(0, len(found), rows):
             found[n : n + rows] = ((up @ rotation[n : n + rows]) @ corners.T).min(axis=1)
         return found + position @ up - terrain.height
-    _clearances(*terrain.as_arrays(), corners, faces, position, rotation, found)
+    if terrain.direction != 0.0:  # the points of the field are gone through by its rows
+        back = about_z(-terrain.direction)
+        origin = np.array([*terrain.origin, 0.0])
+        position, rotation = (position - origin) @ back.T + origin, np.ascontiguousarray(back @ rotation)
+    _clearances(*terrain.turned_back(), corners, faces, position, rotation, found)
     return found
 
 
@@ -75,17 +82,22 @@ def outside_terrain(vehicle: Vehicle, terrain: Terrain, states: BodyStates) -> N
     return outside
 
 
-def check_start_on_terrain(vehicle: Vehicle, terrain: Terrain) -> None:
-    """Refuse a field of heights that does not hold the whole vehicle at the start of a run.
+def check_start(vehicle: Vehicle, terrain: Terrain, water: Water | None, start: StartPose) -> None:
+    """Refuse fields of heights and of water that do not hold the whole vehicle at the start of a run.
 
     Raises
     ------
     ValueError
-        With the extents of the field and of the vehicle.
+        With the extents of the field and of the vehicle; if the water's depth does not go with the terrain.
     """
     hull = _extent_corners(vehicle) + vehicle.hull_origin
-    points = np.concatenate([hull[:, :2], vehicle.wheel_centers[:, :2]])
+    points = start.to_world(np.concatenate([hull[:, :2], vehicle.wheel_centers[:, :2]]))
     terrain.require_inside("simulate.terrain", "the vehicle at its start", points)
+    if water is None:
+        return
+    water.require_over(terrain, "simulate.water: Water.depth")
+    if water.field is not None:
+        water.field.require_inside("simulate.water", "the vehicle at its start", points)
 
 
 def warn_of_ground(vehicle: Vehicle, run: xr.Dataset) -> None:

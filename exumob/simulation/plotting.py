@@ -28,12 +28,19 @@ def _parameters(dataset: xr.Dataset, name: str) -> dict[str, Any]:
 
 
 def scenario_name(dataset: xr.Dataset) -> str:
-    """Name of a run's water as in the paper: "D60/U1" (depth in % of the tyre diameter), or "no water"."""
+    """Name of a run's water as in the paper: "D60/U1" (depth in % of the tyre diameter), or "no water".
+
+    Of water that differs from place to place it names the greatest depth and current: "up to D60/U0.3".
+    """
     water = _parameters(dataset, "water")
     if not water:
         return "no water"
-    ratio = water["depth"] / _parameters(dataset, "vehicle")["wheel"]["diameter"]
-    return f"D{100 * ratio:.0f}/U{water['current_speed']:g}"
+    diameter = _parameters(dataset, "vehicle")["wheel"]["diameter"]
+    if "depth" in water:
+        return f"D{100 * water['depth'] / diameter:.0f}/U{water['current_speed']:g}"
+    wet = dataset["water_depth"].values > 0.0
+    speed = np.hypot(*dataset["current"].values[:, :2].T)[wet].max(initial=0.0)
+    return f"up to D{100 * float(dataset['water_depth'].max()) / diameter:.0f}/U{speed:.2g}"
 
 
 def water_label(dataset: xr.Dataset) -> str:

@@ -7,10 +7,12 @@ import logging
 import numpy as np
 import xarray as xr
 
+from exumob.ground.terrain import Terrain
 from exumob.multibody.energy_account import WORK_KINDS
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.description import RunDescription
 from exumob.simulation.over_ground import keel_clearance, outside_terrain
+from exumob.simulation.over_water import water_met
 from exumob.simulation.summary import range_shares
 from exumob.simulation.trust import trust_of
 from exumob.simulation.verdict import judge, with_verdict
@@ -20,7 +22,8 @@ from exumob.support.dimensions import with_described_names
 from exumob.support.provenance import parameters_json, provenance
 from exumob.vehicle.motion import BODIES, WHEELS, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.vehicle.parameters import Vehicle
-from exumob.water.flow_states import FLOW_STATES, flow_states
+from exumob.water.conditions import Water
+from exumob.water.flow_states import FLOW_STATES, flow_states, local_depths
 from exumob.water.mesh_file import mesh_provenance
 
 logger = logging.getLogger(__name__)
@@ -62,6 +65,9 @@ VARIABLES = {
         "smallest height of the hull above the undisturbed soil surface; negative: it has sunk in",
     ),
     "outside_terrain": ("time body", "1", "1 where a wheel's centre or a part of the hull is outside the height field"),
+    "water_depth": ("time", "m", "depth of the undisturbed water below the hull's origin; 0 on dry land"),
+    "water_level": ("time", "m", "level of the undisturbed water there, world z; nan without water"),
+    "current": ("time axis", "m s-1", "velocity of the undisturbed water there, world axes"),
     "suspension_stroke": ("time wheel", "m", "wheel above its ride height in the hull"),
     "flow_state": ("time body state", "rad, m s-1, m", "states of paper Eq. 7"),
     "water_wrench": ("time body component", "N, N m", "water about the body's origin, body axes"),
@@ -157,8 +163,9 @@ def build_dataset(
         "suspension_force": loads["suspension_force"],
         "keel_clearance": keel_clearance(vehicle, run.terrain, states),
         "outside_terrain": outside_terrain(vehicle, run.terrain, states).astype(np.int8),
+        **_water_at_hull(states, water, run.terrain),
         "suspension_stroke": loads["stroke"],
-        "flow_state": flow_states(states, water),
+        "flow_state": flow_states(states, water, run.terrain),
         "water_wrench": loads["water_wrench"],
         **_force_balance(records, states, masses),
         "mass": masses,
@@ -195,11 +202,34 @@ def build_dataset(
         "coupling": type(run.coupling).__name__,
         "parameters": parameters_json(run.parts()),
         **wall_times,
-        **trust_of(run, *range_shares(dataset).values()).attributes(),
+        **_trust(run, dataset, states),
         **({"cause": cause} if cause else {}),
         **mesh_provenance(vehicle.hull),
     }
     return with_described_names(with_verdict(dataset, judge(dataset, vehicle=vehicle)))
+
+
+def _trust(run: RunDescription, dataset: xr.Dataset, states: BodyStates) -> dict[str, str | float]:
+    """Line of trust of a run, with what it met of the water."""
+    shares = range_shares(dataset)
+    found = trust_of(
+        run, shares.get("out_of_range_share"), shares.get("fallback_share"), water_met(run, states)
+    )  # fmt: skip
+    return found.attributes()
+
+
+def _water_at_hull(states: BodyStates, water: Water | None, terrain: Terrain) -> dict[str, Array]:
+    """Depth, level and current of the undisturbed water at the hull's origin."""
+    n = len(states)
+    if water is None:
+        return {"water_depth": np.zeros(n), "water_level": np.full(n, np.nan), "current": np.zeros((n, 3))}
+    places = states.position[:, 0, :2].copy()
+    level, velocity = water.at(places, terrain)
+    return {
+        "water_depth": local_depths(water.over(terrain), places),
+        "water_level": level,
+        "current": np.column_stack([velocity, np.zeros(n)]),
+    }
 
 
 def attributes(name: str) -> dict[str, str]:

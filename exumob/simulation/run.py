@@ -23,10 +23,17 @@ from exumob.multibody.applied_loads import vehicle_loads
 from exumob.multibody.settling import SETTLING_STEP, Start
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.checkpoint import Checkpoints, Fingerprint
-from exumob.simulation.checks import check_described, check_following, check_maneuver, check_steps, rolling_start
+from exumob.simulation.checks import (
+    check_described,
+    check_following,
+    check_maneuver,
+    check_steps,
+    check_water_model,
+    rolling_start,
+)
 from exumob.simulation.cost import prepare
 from exumob.simulation.description import RunDescription, Steps
-from exumob.simulation.over_ground import check_start_on_terrain, warn_of_ground
+from exumob.simulation.over_ground import check_start, warn_of_ground
 from exumob.simulation.results import build_dataset
 from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, setting_named
 from exumob.simulation.stop_request import StopRequest
@@ -40,6 +47,7 @@ from exumob.support.quantities import INITIAL_SPEED, STEP
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.point_force import PointForce
+from exumob.vehicle.start_pose import StartPose
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics, SpinUpHydrodynamics
 from exumob.water.wetted_surface import hull_triangles
@@ -61,6 +69,7 @@ def simulate(  # one argument a part of the run; all but two have defaults
     macro_step: Annotated[float | FollowFlow | None, STEP] = None,
     record_step: Annotated[float, STEP] = RECORD_STEP,
     terrain: Terrain | None = None,
+    start: StartPose | tuple[float, float, float] | None = None,
     initial_speed: Annotated[float | None, INITIAL_SPEED] = None,
     coupling: Coupling | None = None,
     forces: Sequence[PointForce] = (),
@@ -95,7 +104,10 @@ def simulate(  # one argument a part of the run; all but two have defaults
     record_step : float
         Interval of the result [s]; a whole multiple of `micro_step`.
     terrain : Terrain, optional
-        Default: flat at z = 0.
+        Default: flat at z = 0. With water over any other ground, give the water by its level or as a field.
+    start : StartPose or (float, float, float), optional
+        Place [m] and heading [rad] at time 0, ``(x, y, heading)``. Default: the world's origin, heading along world x.
+        A maneuver goes from there; a path stays where its waypoints are.
     initial_speed : float, optional
         Speed at time 0 along the heading [m/s], all wheels rolling: the maneuver's wheel speed starts there, its
         ``start_speed`` is set; one that has none must fit. Default: as its wheels turn, so at rest if they do not turn.
@@ -131,6 +143,7 @@ def simulate(  # one argument a part of the run; all but two have defaults
     """
     maneuver = lane_change() if maneuver is None else maneuver
     terrain = Terrain() if terrain is None else terrain
+    pose = StartPose() if start is None else StartPose(*start) if isinstance(start, tuple) else start
     if isinstance(hydrodynamics, str):
         hydrodynamics = hydrodynamics_named(hydrodynamics, vehicle, water)
     in_loop = isinstance(hydrodynamics, SpinUpHydrodynamics)
@@ -142,18 +155,14 @@ def simulate(  # one argument a part of the run; all but two have defaults
         record_step,
     )
     check_steps(steps)
-    if water is not None and not (terrain.is_flat and terrain.height == 0.0):
-        raise ValueError(
-            "simulate.terrain: the water models know a flat bed at z = 0 only; leave out the water, or use the default "
-            "terrain."
-        )
-    check_start_on_terrain(vehicle, terrain)
-    commands = check_maneuver(vehicle, maneuver, duration)
+    check_start(vehicle, terrain, water, pose)
+    check_water_model(hydrodynamics, water, terrain, pose)
+    commands = check_maneuver(vehicle, maneuver, duration, pose)
     maneuver, speed = rolling_start(vehicle, maneuver, initial_speed, in_loop)
     run = RunDescription(
         vehicle, soil, water, terrain, maneuver, hydrodynamics,
         (SemiImplicit() if in_loop else Explicit()) if coupling is None else coupling, steps, speed,
-        tuple(forces), user_loads,
+        tuple(forces), user_loads, pose,
     )  # fmt: skip
     check_following(run)
     prepare(run, commands, None if checkpoint is None else Path(checkpoint))
@@ -174,6 +183,7 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
     model = MultibodyVehicle(
         run.vehicle, run.soil, run.maneuver, run.terrain, steps.micro_step, steps.duration, steps.record_step,
         user_loads=run.user_loads, forces=run.forces, hull=hull_contact(hull_triangles(run.vehicle), run.terrain),
+        start=run.start,
     )  # fmt: skip
     scheme.start()
     first = 0

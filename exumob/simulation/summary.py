@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import math
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from exumob.simulation.verdict import verdict_of
+from exumob.support.arrays import Array
 from exumob.support.declared import checked
 
 FIGURES: dict[str, tuple[str, str]] = {
@@ -15,9 +18,9 @@ FIGURES: dict[str, tuple[str, str]] = {
     "verdict": ("1", "whether the vehicle drove, and if not, what befell it"),
     "verdict_since": ("s", "first onset of the verdict; nan without one"),
     "distance": ("m", "distance along the path"),
-    "forward": ("m", "displacement along world x"),
-    "lateral": ("m", "displacement along world y"),
-    "yaw": ("rad", "final yaw"),
+    "forward": ("m", "displacement along the heading of the start, world x by default"),
+    "lateral": ("m", "displacement to the left of it"),
+    "yaw": ("rad", "final yaw, counter-clockwise from world x"),
     "drift_angle": ("rad", "course less heading at the end"),
     "mean_slip": ("1", "mean slip ratio of the wheels in contact, second half of the run; nan without contact"),
     "buoyed_share": ("1", "mean upward force of the water over the weight"),
@@ -78,11 +81,12 @@ def summary(dataset: xr.Dataset) -> dict[str, Any]:
     course = float(np.arctan2(velocity[1], velocity[0])) if np.hypot(*velocity[:2]) > 0.01 else yaw
     wall = float(dataset.attrs["wall_time"])
     verdict = verdict_of(dataset)
+    forward, lateral = _along(path[-1] - path[0], _start_heading(dataset))
     return {
         **({} if verdict is None else verdict.figures()),
         "distance": float(np.hypot(*np.diff(path, axis=0).T).sum()),
-        "forward": float(path[-1, 0] - path[0, 0]),
-        "lateral": float(path[-1, 1] - path[0, 1]),
+        "forward": forward,
+        "lateral": lateral,
         "yaw": yaw,
         "drift_angle": float((course - yaw + np.pi) % (2 * np.pi) - np.pi),
         "mean_slip": float(later["slip_ratio"].mean()),
@@ -103,6 +107,22 @@ def _hull_figures(dataset: xr.Dataset) -> dict[str, float]:
         "hull_load_share": float(dataset["hull_load_share"].max()),
         "least_clearance": float(dataset["keel_clearance"].min()),
     }
+
+
+def _start_heading(dataset: xr.Dataset) -> float:
+    """Heading with which a run began [rad]; 0 for results that do not say."""
+    try:
+        return float(next(iter(json.loads(dataset.attrs["parameters"])["start"].values()))["heading"])
+    except (KeyError, TypeError, ValueError, AttributeError, StopIteration):
+        return 0.0
+
+
+def _along(way: Array, heading: float) -> tuple[float, float]:
+    """Split a way in the plane [m] along a heading [rad] and to its left."""
+    if heading == 0.0:
+        return float(way[0]), float(way[1])
+    c, s = math.cos(heading), math.sin(heading)
+    return float(c * way[0] + s * way[1]), float(c * way[1] - s * way[0])
 
 
 def range_shares(dataset: xr.Dataset) -> dict[str, float]:

@@ -23,17 +23,22 @@ from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.driving.maneuver import ConstantSteer, LaneChange
 from exumob.ground.soil import Soil
 from exumob.simulation.description import RunDescription
+from exumob.simulation.over_water import WaterMet
 from exumob.simulation.settings import DEFAULT_SETTING, setting_named
 from exumob.support.measured import flow_load_error, measured_errors
-from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.model import SLOPE_RANGE, SurrogateHydrodynamics
 from exumob.surrogates.networks import GEOMETRY, further_shape
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
-from exumob.water.hydrodynamics import NoWater
+from exumob.water.hydrodynamics import Hydrodynamics, NoWater
 
 CLOSE = 1.0e-3
 """Relative difference up to which a value counts as the one that was measured [-]."""
+LEVEL_DIFFERENCE = 1e-3
+"""Difference of the water's level over half the hull's length from which the line names it [m]."""
+CURRENT_DIFFERENCE = 0.01
+"""Difference of the current over half the hull's length from which the line names it [m/s]."""
 NAMED = 4
 """Number of differences that the line names; it counts the others."""
 
@@ -109,7 +114,12 @@ class Trust:
         return found | ({"trust_nearest": self.nearest} if self.nearest else {})
 
 
-def trust_of(run: RunDescription, out_of_range: float | None = None, fallback: float | None = None) -> Trust:
+def trust_of(
+    run: RunDescription,
+    out_of_range: float | None = None,
+    fallback: float | None = None,
+    met: WaterMet | None = None,
+) -> Trust:
     """Compare one run with those whose errors were measured.
 
     Parameters
@@ -119,8 +129,10 @@ def trust_of(run: RunDescription, out_of_range: float | None = None, fallback: f
         Share of the time for which some body was outside the networks' training range [-]; None: not known yet.
     fallback : float, optional
         Mean share of the coefficient model in the loads [-].
+    met : WaterMet, optional
+        What the vehicle met of water that is given by its level or a field.
     """
-    return _together([(run, out_of_range, fallback)])
+    return _together([(run, out_of_range, fallback, met)])
 
 
 def trust_of_all(runs: Iterable[RunDescription]) -> Trust:
@@ -128,7 +140,7 @@ def trust_of_all(runs: Iterable[RunDescription]) -> Trust:
 
     What differs is named once, with its range over all runs. All have the model of the first one.
     """
-    return _together([(run, None, None) for run in runs])
+    return _together([(run, None, None, None) for run in runs])
 
 
 def coefficients_off() -> str:
@@ -156,16 +168,16 @@ def shape_differences(vehicle: Vehicle, trained: Mapping[str, Any]) -> list[str]
 
 # -- comparison --------------------------------------------------------------------------------------------------------
 
-_Case = tuple[RunDescription, float | None, float | None]
+_Case = tuple[RunDescription, float | None, float | None, WaterMet | None]
 
 
 def _together(cases: Sequence[_Case]) -> Trust:
     first = cases[0][0]
-    water = next((run.water for run, _, _ in cases if run.water is not None), None)
-    soil = _soil_line([run for run, _, _ in cases])
+    water = next((run.water for run, *_ in cases if run.water is not None), None)
+    soil = _soil_line([run for run, *_ in cases])
     model = first.hydrodynamics
     if water is None:
-        return _dry([run for run, _, _ in cases], soil)
+        return _dry([run for run, *_ in cases], soil)
     if isinstance(model, NoWater):
         return Trust("no water", "not validated", "", soil, advice="there is water, and its loads are left out.")
     if isinstance(model, CfdHydrodynamics):
@@ -185,7 +197,7 @@ def _together(cases: Sequence[_Case]) -> Trust:
     advice = "The error here is not known; compare with the flow in the loop."
     if isinstance(model, CfdHydrodynamics):
         advice = "The spread here is not known; repeat one run on finer cells."
-    shares = [(outside, share) for _, outside, share in cases if outside is not None and share is not None]
+    shares = [(outside, share) for _, outside, share, _ in cases if outside is not None and share is not None]
     if len(shares) == 1 and any(d.quantity == _RANGE for d in departures):
         advice = f"{_what_to_believe(*shares[0])} {advice}"
     return replace(trust, status="beyond", departures=tuple(departures), advice=advice)
@@ -267,12 +279,14 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     return Trust(name, "not validated", error, soil, advice=advice)
 
 
-def _departures(run: RunDescription, out_of_range: float | None, fallback: float | None) -> Iterator[Departure]:
+def _departures(
+    run: RunDescription, out_of_range: float | None, fallback: float | None, met: WaterMet | None
+) -> Iterator[Departure]:
     """Find in what a run lies beyond those that were measured with its model and vehicle."""
     table, water, model = measured_errors(), run.water, run.hydrodynamics
     in_loop = isinstance(model, CfdHydrodynamics)
     rows = _rows_of(table["flow"]["scenario"]) if in_loop else table["runs"]
-    yield from _water_departures(run.vehicle, water, rows, table["density"])
+    yield from _water_departures(run, rows, table["density"], met)
     yield from _common_departures(run, rows, table)
     usual = SemiImplicit if in_loop else Explicit
     if water is not None and type(run.coupling) is not usual:
@@ -327,24 +341,43 @@ _RANGE = "outside the networks' training range for"
 
 
 def _water_departures(
-    vehicle: Vehicle, water: Water | None, rows: Sequence[Mapping[str, Any]], density: float
+    run: RunDescription, rows: Sequence[Mapping[str, Any]], density: float, met: WaterMet | None
 ) -> Iterator[Departure]:
+    water, diameter = run.water, run.vehicle.wheel.diameter
     if water is None:  # a dry run among wet ones
         low, high = (end(row["depth_ratio"] for row in rows) for end in (min, max))
         yield Departure("depth ratio", (0.0,), _span(low, high))
         return
-    for quantity, value, name, unit in (
-        ("depth ratio", water.depth / vehicle.wheel.diameter, "depth_ratio", ""),
-        ("current", water.current_speed, "current_speed", "m/s"),
+    depth: tuple[float, ...] = () if water.depth is None else (water.depth,)
+    current: tuple[float, ...] = () if water.field is not None else (water.current_speed,)
+    aside = abs(math.remainder(water.current_direction - run.start.heading - math.pi, 2.0 * math.pi))
+    if water.depth is None:
+        yield Departure("water", ("a level over terrain" if water.field is None else "a field",), "one depth")
+    if met is not None:
+        depth, current, aside = met.depth, met.current, met.aside
+        yield from _assumed(run.hydrodynamics, met)
+    for quantity, values, name, unit in (
+        ("depth ratio", tuple(d / diameter for d in depth), "depth_ratio", ""),
+        ("current", current, "current_speed", "m/s"),
     ):
         low, high = (end(row[name] for row in rows) for end in (min, max))
-        if not low - 1e-6 <= value <= high + 1e-6:
-            yield Departure(quantity, (value,), _span(low, high), unit)
-    aside = abs(math.degrees(math.remainder(water.current_direction - math.pi, 2.0 * math.pi)))
-    if water.current_speed > 0.0 and aside > 0.5:
-        yield Departure("current turned from ahead by", (aside,), "0", "deg")
+        if any(not low - 1e-6 <= value <= high + 1e-6 for value in values):
+            yield Departure(quantity, values, _span(low, high), unit)
+    if max(current, default=0.0) > 0.0 and math.degrees(aside) > 0.5:
+        yield Departure("current turned from ahead by", (math.degrees(aside),), "0", "deg")
     if not math.isclose(water.density, density, rel_tol=0.03):
         yield Departure("density", (water.density,), f"{density:g}", "kg/m³")
+
+
+def _assumed(model: Hydrodynamics, met: WaterMet) -> Iterator[Departure]:
+    """Find where a model assumes more of the water and the bed than it knows."""
+    if met.level_difference > LEVEL_DIFFERENCE:
+        yield Departure("level, taken as horizontal, over half the hull by", (1e3 * met.level_difference,), "0", "mm")
+    if met.current_difference > CURRENT_DIFFERENCE:
+        how = "at the bodies' origins" if isinstance(model, SurrogateHydrodynamics) else "strip by strip"
+        yield Departure(f"current, taken {how}, over half the hull by", (met.current_difference,), "0", "m/s")
+    if isinstance(model, SurrogateHydrodynamics) and met.slope > 0.1 * SLOPE_RANGE:
+        yield Departure("networks of level beds on a slope of", (met.slope,), "0")
 
 
 def _vehicle_departures(vehicle: Vehicle, measured: Mapping[str, Any]) -> Iterator[Departure]:
@@ -462,6 +495,8 @@ def _is_published(soil: Soil) -> bool:
 
 def _nearest(vehicle: Vehicle, water: Water, rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
     """Find the measured run whose water is nearest, if it is near: within half the spacing of the measured ones."""
+    if water.depth is None:
+        return None
     depth = water.depth / vehicle.wheel.diameter
     away = [math.hypot((row["depth_ratio"] - depth) / 0.1, (row["current_speed"] - water.current_speed) / 0.5)
             for row in rows]  # fmt: skip

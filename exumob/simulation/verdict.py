@@ -226,12 +226,7 @@ def judge(run: xr.Dataset, limits: VerdictLimits | None = None, vehicle: Vehicle
     if "hull" not in run["body"].values or not {"x", "y", "z"} <= set(run["axis"].values.tolist()):
         raise ValueError("judge: the run must name its bodies (hull, front_left, ...) and axes (x, y, z).")
     size = _dimensions(run, vehicle)
-    try:
-        water = next(iter((_parameters(run).get("water") or {"": None}).values()))
-        depth = 0.0 if water is None else float(water["depth"])
-    except (KeyError, TypeError, AttributeError):
-        raise ValueError("judge: the run's attribute parameters does not describe its water.") from None
-    verdict = _judged(run, limits, size, depth)
+    verdict = _judged(run, limits, size, _level_at_hull(run))
     return replace(verdict, sentence=_joined(verdict.sentence, _touch(run, size)))
 
 
@@ -284,6 +279,21 @@ def _parameters(run: xr.Dataset) -> dict[str, Any]:
     return found
 
 
+def _level_at_hull(run: xr.Dataset) -> Array:
+    """Level of the water at the hull, world z [m], shape (n,); nan where there is none.
+
+    Results hold it as ``water_level`` and ``water_depth``; older ones tell one depth above z = 0.
+    """
+    if {"water_level", "water_depth"} <= set(run.variables):
+        return np.where(run["water_depth"].values > 0.0, run["water_level"].values, np.nan).astype(float)
+    try:
+        water = next(iter((_parameters(run).get("water") or {"": None}).values()))
+        depth = np.nan if water is None else float(water["depth"])
+    except (KeyError, TypeError, AttributeError):
+        raise ValueError("judge: the run's attribute parameters does not describe its water.") from None
+    return np.full(run.sizes["time"], depth)
+
+
 def _dimensions(run: xr.Dataset, vehicle: Vehicle | None) -> _Dimensions:
     if vehicle is not None:
         return _Dimensions.of(asdict(vehicle))
@@ -298,7 +308,7 @@ def _dimensions(run: xr.Dataset, vehicle: Vehicle | None) -> _Dimensions:
         ) from None
 
 
-def _judged(run: xr.Dataset, limits: VerdictLimits, size: _Dimensions, depth: float) -> Verdict:
+def _judged(run: xr.Dataset, limits: VerdictLimits, size: _Dimensions, level: Array) -> Verdict:
     time = run["time"].values.astype(float)
     span = limits.persistence * math.sqrt(size.wheelbase / GRAVITY)
     finite = _finite(run)
@@ -307,7 +317,7 @@ def _judged(run: xr.Dataset, limits: VerdictLimits, size: _Dimensions, depth: fl
     still = True
     whole = bool(finite) and time[finite - 1] - time[0] >= span * (1.0 - 1e-9)
     if whole:
-        findings, commanded = _findings(run.isel(time=slice(finite)), limits, size, depth, span)
+        findings, commanded = _findings(run.isel(time=slice(finite)), limits, size, level[:finite], span)
         still = commanded
         for n, (kind, found) in enumerate(findings.items()):
             flags[:finite, n], lasted = _held(time[:finite], found, span)
@@ -403,7 +413,7 @@ def verdict_of_error(error: SimulationError) -> Verdict:
 
 
 def _findings(
-    run: xr.Dataset, limits: VerdictLimits, size: _Dimensions, depth: float, span: float
+    run: xr.Dataset, limits: VerdictLimits, size: _Dimensions, level: Array, span: float
 ) -> tuple[dict[str, _Finding], bool]:
     """Look for all conditions; also say whether the wheels were never commanded to turn."""
     time = run["time"].values.astype(float)
@@ -432,8 +442,9 @@ def _findings(
     # submerged: the highest corner of the hull
     corner = size.corners
     upward = -down @ corner.T
-    covered = depth - (hull["position"].sel(axis="z").values[:, None] + upward).max(axis=1)
-    wet = depth > 0.0
+    wet = np.isfinite(level)
+    top = (hull["position"].sel(axis="z").values[:, None] + upward).max(axis=1)
+    covered = np.where(wet, level - top, -size.height)
     submerged = _Finding(
         wet & (covered > 0.0), wet & (mean(covered) > 0.0), covered, "the hull's top is {:.3g} m under water"
     )

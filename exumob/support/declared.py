@@ -505,9 +505,13 @@ def _array(quantity: Quantity) -> _Kind:
     def check(name: str, value: Any) -> Any:
         from exumob.support.arrays import checked_array
 
-        array = checked_array(name, value, shape)
+        array = checked_array(name, value, shape, finite=not quantity.gaps)
         if array.size and (quantity.bounds or quantity.plausible):
             flat = array.reshape(-1)
+            if quantity.gaps:
+                flat = flat[flat == flat]  # without nan
+            if not flat.size:
+                return array
             for place in (int(flat.argmin()), int(flat.argmax())):
                 quantity.check(f"{name}[{place}]" if array.ndim == 1 else name, float(flat[place]))
         return array

@@ -104,6 +104,8 @@ class Quantity:
         Of an array: the length along each of its dimensions, a name where it is free.
     infinite : bool
         Whether infinite values have a meaning.
+    gaps : bool
+        Whether nan has a meaning in an array: there is nothing at this place.
     remedy : str, optional
         What to do about a value beyond the bounds; of an angle that is likely in degrees that is said first.
     negative : str, optional
@@ -115,6 +117,7 @@ class Quantity:
         "at_least",
         "at_most",
         "below",
+        "gaps",
         "infinite",
         "negative",
         "plausible",
@@ -134,11 +137,12 @@ class Quantity:
         plausible: tuple[float, float] | None = None,
         shape: tuple[int | str, ...] | None = None,
         infinite: bool = False,
+        gaps: bool = False,
         remedy: str = "",
         negative: str = "",
     ) -> None:
         """Keep them."""
-        self.unit, self.shape, self.infinite = unit, shape, infinite
+        self.unit, self.shape, self.infinite, self.gaps = unit, shape, infinite, gaps
         self.remedy, self.negative = remedy, negative
         self.above, self.at_least, self.at_most, self.below = above, at_least, at_most, below
         self.plausible = plausible

@@ -61,9 +61,17 @@ def read_table(file: str | Path) -> dict[str, Array]:
         for k, field in enumerate(fields):
             number = _number(field, decimal_comma)
             if number is None:
-                raise ValueError(f"{path}, line {line}, column {names[k]!r}: {field.strip()!r:.60} is not a number.")
+                raise ValueError(
+                    f"{path}, line {line}, column {names[k]!r}: {field.strip()!r:.60} is not a number; write one."
+                )
             found[n, k] = number
     return dict(zip(names, np.ascontiguousarray(found.T), strict=True))
+
+
+def row_lines(file: str | Path) -> list[int]:
+    """Return the number of the line of each row of a table that `read_table` reads, for messages."""
+    path = Path(file)
+    return [line for line, _, _ in _rows(path, _text(path))[1:]]
 
 
 def _text(path: Path) -> str:

@@ -14,15 +14,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from exumob.ground.terrain import terrain_height
 from exumob.support.arrays import Array
 from exumob.support.kernels import njit
 from exumob.vehicle.motion import HISTORY_STEP, BodyStates
-from exumob.water.conditions import Water
+from exumob.water.conditions import Water, WaterOverBed
 from exumob.water.flow_states import (
     FLOW_STATE_UNITS,
     FLOW_STATES,
     angle_of_attack,
     horizontal_motion,
+    local_current,
+    local_depth,
     sideslip_angle,
 )
 
@@ -69,14 +72,18 @@ MIRRORED_LOADS = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 
 
 def network_inputs(
-    states: BodyStates, water: Water, names: Sequence[str], rows: NDArray[np.intp] | None = None, *, still: bool = False
-) -> Array:
+    states: BodyStates, water: Water | WaterOverBed, names: Sequence[str], rows: NDArray[np.intp] | None = None, *,
+    still: bool = False,
+) -> Array:  # fmt: skip
     """Return the input features of the five networks.
+
+    Level and current are those at each body's place, the depth is that below the hull's origin.
 
     Parameters
     ----------
     states : BodyStates
-    water : Water
+    water : Water or WaterOverBed
+        A `Water` is taken over level ground at z = 0.
     names : sequence of str
         Names from `INPUTS`.
     rows : array of int, optional
@@ -98,7 +105,7 @@ def network_inputs(
     rows = np.arange(len(states)) if rows is None else rows
     return _features(
         states.position, states.rotation, states.velocity, states.angular_velocity, rows, still,
-        (float(water.depth), float(water.current_speed), float(water.current_direction)), columns,
+        water.over() if isinstance(water, Water) else water, columns,
     )  # fmt: skip
 
 
@@ -145,11 +152,10 @@ def _columns(names: tuple[str, ...]) -> NDArray[np.intp]:
 @njit(cache=True, error_model="numpy")
 def _features(
     position: Array, rotation: Array, velocity: Array, angular_velocity: Array, rows: NDArray[np.intp], still: bool,
-    water: tuple[float, float, float], columns: NDArray[np.intp],
+    around: WaterOverBed, columns: NDArray[np.intp],
 ) -> Array:  # fmt: skip
-    """Return features by their places in `INPUTS`; `water` is its depth, current speed and current direction."""
-    depth, current, direction = water
-    current_x, current_y = current * math.cos(direction), current * math.sin(direction)
+    """Return features by their places in `INPUTS`."""
+    water, nodes = around.water[0], around.water_nodes
     bodies, share = rotation.shape[1], 0.0 if still else 1.0
     chosen, every = np.empty((len(rows), bodies, len(columns))), np.empty(FEATURES)
     for n, row in enumerate(rows):
@@ -157,8 +163,12 @@ def _features(
         turned = headings[1:3] - headings[0]
         every[16] = np.arctan2(np.sin(turned), np.cos(turned)).mean()
         every[17] = share * angular_velocity[row, 0, 2]
-        every[18] = angle_of_attack(headings[0], direction)
+        depth = local_depth(around, position[row, 0, 0], position[row, 0, 1])
         for body in range(bodies):
+            x, y = position[row, body, 0], position[row, body, 1]
+            level, current_x, current_y, current, direction = local_current(water, nodes, x, y)
+            if body == 0:
+                every[18] = angle_of_attack(headings[0], direction)
             turn, v, w = rotation[row, body], share * velocity[row, body], share * angular_velocity[row, body]
             motion, speed = horizontal_motion(turn, v), math.hypot(v[0], v[1])
             every[0], every[1] = sideslip_angle(motion, speed), angle_of_attack(motion.heading, direction)
@@ -170,8 +180,25 @@ def _features(
             every[10] = turn[0, 0] * w[0] + turn[1, 0] * w[1] + turn[2, 0] * w[2]
             every[11] = turn[0, 1] * w[0] + turn[1, 1] * w[1] + turn[2, 1] * w[2]
             every[12] = v[2]
-            every[13] = depth - position[row, body, 2]
+            every[13] = level - position[row, body, 2]
             every[14], every[15] = turn[2, 1], -turn[2, 0]
             for place, column in enumerate(columns):
                 chosen[n, body, place] = every[column]
     return chosen
+
+
+@njit(cache=True, error_model="numpy")
+def bed_below(around: WaterOverBed, position: Array) -> tuple[float, NDArray[np.bool_]]:
+    """Return the slope of the bed below the hull [-], and which of the bodies are over dry land.
+
+    Parameters
+    ----------
+    around : WaterOverBed
+    position : array, shape (5, 3)
+        Origins of the bodies, world axes [m].
+    """
+    _, slope_x, slope_y = terrain_height(around.bed[0], around.bed_nodes, position[0, 0], position[0, 1])
+    dry = np.zeros(len(position), np.bool_)
+    for body in range(len(position)):
+        dry[body] = local_depth(around, position[body, 0], position[body, 1]) <= 0.0
+    return math.hypot(slope_x, slope_y), dry

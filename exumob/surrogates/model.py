@@ -17,16 +17,17 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
 from exumob.support.kernels import njit
-from exumob.surrogates.inputs import SAMPLING, network_inputs, window_rows
+from exumob.surrogates.inputs import SAMPLING, bed_below, network_inputs, window_rows
 from exumob.surrogates.network_kernels import mean_and_spread
 from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, NetworkSet
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
-from exumob.water.conditions import Water
+from exumob.water.conditions import Water, require_within
 
 OUTSIDE = 0.02
 """Excess (`NetworkSet.excess`) from which a state counts as outside the training range [-]."""
@@ -37,6 +38,9 @@ RELAXED_STEP = 2.0e-3
 
 Networks answer to velocities. Held over 20 ms that answer is a delayed damper, which is strong for a wheel's mass and
 makes the wrench alternate from step to step: by 1 N of 110 N in D60/U1."""
+SLOPE_RANGE = 0.2
+"""Slope of the bed that counts as an excess of 1 [-], chosen by us. The networks have seen level beds only, and most
+are not told of a slope: from 0.02 on the coefficient model begins to take over, from 0.1 on it acts alone."""
 MOVING_SPEED = 0.05
 """Speed of the hull below which a state is compared with the training range as one at rest [m/s]: the sideslip angle of
 a vehicle that hardly moves is arbitrary."""
@@ -81,7 +85,12 @@ class SurrogateHydrodynamics:
             groups.setdefault(network.architecture, []).append(network)
         self._groups = [(NetworkSet.stacked(group), len(group)) for group in groups.values()]
         self._water: Water | None = None
+        self._bed = Terrain()
         self._last_learnt: Array | None = None
+
+    def set_bed(self, terrain: Terrain) -> None:
+        """Take the ground of the runs to come. See `exumob.water.hydrodynamics.BedHydrodynamics`."""
+        self._bed = terrain
 
     def start(self, vehicle: Vehicle, water: Water | None, macro_step: float) -> None:
         """Check that the networks fit the vehicle, and forget any earlier run."""
@@ -93,6 +102,7 @@ class SurrogateHydrodynamics:
         self._relaxed, self._last_learnt = macro_step > RELAXED_STEP, None
         if water is None:
             return
+        self._around = water.over(self._bed)
         for network in self.networks:
             network.check_vehicle(vehicle)
             steps = macro_step / SAMPLING
@@ -104,6 +114,7 @@ class SurrogateHydrodynamics:
         based = any(n.architecture.base == "coefficients" for n in self.networks)
         self._coefficients = CoefficientHydrodynamics() if based or self.fallback else None
         if self._coefficients is not None:
+            self._coefficients.set_bed(self._bed)
             self._coefficients.start(vehicle, water, macro_step)
 
     def wrenches(self, history: BodyStates, predict: Callable[[], BodyStates]) -> Array:
@@ -111,10 +122,16 @@ class SurrogateHydrodynamics:
         water = self._water
         if water is None:
             return np.zeros((5, 6))
+        require_within(water, history)
         base = None if self._coefficients is None else self._coefficients.wrenches(history, predict)
         members, excess = self._answers(history, water, base)
         mean, spread = mean_and_spread(members)
         learnt = mean if base is None else mean - base
+        if not self._bed.is_flat or water.depth is None:
+            slope, dry = bed_below(self._around, np.ascontiguousarray(history.position[-1]))
+            if slope > 0.0:
+                excess[:, 0] = np.maximum(excess[:, 0], slope / SLOPE_RANGE)
+            learnt = np.where(dry[:, None], 0.0, learnt)
         if self._relaxed and self._last_learnt is not None and len(history) > 1:
             learnt = 0.5 * (learnt + self._last_learnt)
         self._last_learnt = learnt
@@ -143,7 +160,7 @@ class SurrogateHydrodynamics:
         for networks, count in self._groups:
             group, architecture = slice(first, first + count), networks.architecture
             rows = window_rows(history.time, architecture.taps, architecture.stride)
-            window = network_inputs(history, water, architecture.inputs, rows, still=still).transpose(1, 0, 2)
+            window = network_inputs(history, self._around, architecture.inputs, rows, still=still).transpose(1, 0, 2)
             loads = networks.wrenches(window).reshape(count, 5, 6) * (water.density / TRAINED_DENSITY)
             if architecture.base == "coefficients":
                 assert base is not None
@@ -151,7 +168,7 @@ class SurrogateHydrodynamics:
             members[group] = loads
             present = window[:, -1]
             if at_rest and not still:
-                present = network_inputs(history, water, architecture.inputs, rows[-1:], still=True)[0]
+                present = network_inputs(history, self._around, architecture.inputs, rows[-1:], still=True)[0]
             excess[group] = networks.excess(present).reshape(count, 5, 2)
             first += count
         return members, mean_and_spread(excess)[0]

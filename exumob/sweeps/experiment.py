@@ -33,6 +33,7 @@ from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import GEOMETRY
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.point_force import PointForce
+from exumob.vehicle.start_pose import AT_ORIGIN, StartPose
 from exumob.water.coefficients import Coefficients
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics
@@ -94,6 +95,10 @@ class Experiment(Declared):
     """Speed at time 0, all wheels rolling; None: as the maneuver's wheels turn then"""
     forces: tuple[PointForce, ...] = ()
     """Forces of the user's own, such as a tow rope"""
+    terrain: Terrain = field(default_factory=Terrain)
+    """Shape of the ground"""
+    start: StartPose = AT_ORIGIN
+    """Where the vehicle begins, and its heading there"""
 
     def _check(self) -> None:
         if self.hydrodynamics not in MODELS:
@@ -103,7 +108,9 @@ class Experiment(Declared):
     def names(self) -> list[str]:
         """Dotted names of everything that can be varied."""
         found = _leaves(self.vehicle) + [f"soil.{n}" for n in _leaves(self.soil)] + ["soil"]
-        found += ["water.depth_ratio", *(f"water.{n}" for n in _leaves(self.water or Water(0.1)))]
+        water = self.water or Water(0.1)
+        found += [RATIO] if water.depth is not None else []
+        found += [f"water.{n}" for n in water.parameters if n != "field"]
         if is_dataclass(self.maneuver):
             found += ["maneuver", *(f"maneuver.{n}" for n in _leaves(self.maneuver))]
         return [
@@ -165,7 +172,7 @@ class Experiment(Declared):
         """Value that a name has now; if there is no water, ``water.<field>`` is that of the default water."""
         self.check_names([name])
         if name == "water.depth_ratio":
-            return 0.0 if self.water is None else self.water.depth / self.vehicle.wheel.diameter
+            return 0.0 if self.water is None else self.water.uniform_depth / self.vehicle.wheel.diameter
         if name in ("micro_step", "macro_step") and getattr(self, name) is None:
             return getattr(setting_named(self.setting), name)
         if name == "initial_speed" and self.initial_speed is None:
@@ -180,6 +187,12 @@ class Experiment(Declared):
         """Raise ValueError if a name is not known."""
         known = self._known
         for name in names:
+            if name in (RATIO, "water.depth") and self.water is not None and self.water.depth is None:
+                given = "level" if self.water.field is None else "field"
+                raise ValueError(
+                    f"{name}: the water of this experiment is given by its {given}, and this needs water of one depth "
+                    f"over level ground; give Water(depth=...){', or vary water.level' if given == 'level' else ''}."
+                )
             if name not in known:
                 near = difflib.get_close_matches(name, known, 3, 0.5) if isinstance(name, str) else []
                 hint = f"did you mean {' or '.join(near)}?" if near else f"use one of {', '.join(known)}."
@@ -347,13 +360,14 @@ class Experiment(Declared):
             self.vehicle,
             self.soil,
             self.water,
-            Terrain(),
+            self.terrain,
             self.maneuver,
             hydrodynamics,
             Explicit(),
             steps,
             rolling if self.initial_speed is None else self.initial_speed,
             self.forces,
+            start=self.start,
         )
 
     def trust(self, cases: Sequence[Mapping[str, Any]]) -> dict[str, str | float]:
@@ -406,7 +420,7 @@ class Experiment(Declared):
         return simulate(
             self.vehicle, self.soil, self.water, self.maneuver, self.water_model(), duration=self.duration,
             setting=self.setting, micro_step=self.micro_step, macro_step=self.macro_step, record_step=self.record_step,
-            initial_speed=self.initial_speed, forces=self.forces,
+            initial_speed=self.initial_speed, forces=self.forces, terrain=self.terrain, start=self.start,
         )  # fmt: skip
 
     def __call__(self, values: Mapping[str, Any]) -> xr.Dataset:

@@ -122,9 +122,9 @@ def current_along() -> list[Check]:
     far, h, o = about_z(solver.frame[2]).T @ water.velocity, HALO, solver.area_fractions
     apart = 0.0
     for q, f, b in zip(solver.velocity, far, (o.bx, o.by, o.bz), strict=True):
-        counts = (b[h:-h, h:-h, h:-h] > 0.0) & (centers(grid.z_faces) < water.depth)[:, None]
+        counts = (b[h:-h, h:-h, h:-h] > 0.0) & (centers(grid.z_faces) < water.uniform_depth)[:, None]
         apart = max(apart, float(np.abs(q - f)[counts].max()))
-    rise = float(np.abs(solver.surface_height() - water.depth).max())
+    rise = float(np.abs(solver.surface_height() - water.uniform_depth).max())
     return [
         absolute("current along the contours, change of velocity", apart, 0.0, 1e-5, "m/s"),
         absolute("current along the contours, change of level", rise, 0.0, 1e-5, "m"),

@@ -46,7 +46,7 @@ def spread(
     pose = steady_motion(speed, yaw_rate, float(grid.z_faces[-1]) - 0.03)
     solver = FlowSolver(grid, (sphere(0.01),), water, SETTINGS)
     solver.start(pose(0.0))
-    solver.set_flow(fraction=filled_to(grid, hump(grid, water.depth, HEIGHT, 0.25, middle)))
+    solver.set_flow(fraction=filled_to(grid, hump(grid, water.uniform_depth, HEIGHT, 0.25, middle)))
     steps = round(duration / dt)
     for n in range(steps):
         t = duration * (n + 1) / steps
@@ -67,7 +67,7 @@ def uniform_current() -> list[Check]:
             solver.advance(0.005 * (n + 1), pose(0.005 * (n + 1)))
         far = about_z(solver.frame[2]).T @ water.velocity
         apart = max(float(np.abs(q[:, :3] - f).max()) for q, f in zip(solver.velocity, far, strict=True))
-        rise = float(np.abs(solver.surface_height() - water.depth).max())
+        rise = float(np.abs(solver.surface_height() - water.uniform_depth).max())
         where = f"yaw rate {yaw_rate:g} rad/s"
         checks.append(absolute(f"uniform current, change of velocity, {where}", apart, 0.0, 1e-5, "m/s"))
         checks.append(absolute(f"uniform current, change of level, {where}", rise, 0.0, 1e-5, "m"))

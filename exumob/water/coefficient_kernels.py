@@ -10,7 +10,9 @@ import numpy as np
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.support.kernels import njit
+from exumob.water.conditions import WaterOverBed
 from exumob.water.hydrostatics import WET_INTEGRALS, wet_integrals
+from exumob.water.water_field import water_at
 from exumob.water.wetted_surface import Integers
 
 FILTER_STEPS = 2.0
@@ -30,6 +32,8 @@ class BodyPanels(NamedTuple):
     """First triangle of each body, and the number of all, shape (6,)"""
     strip_beams: Array
     """Beam of each strip of the fully wetted hull [m], shape (strips,); a strip has a starboard and a port cell"""
+    strip_centers: Array
+    """Middle of each strip along the hull's x axis [m], shape (strips,)"""
 
 
 class ModelParameters(NamedTuple):
@@ -37,10 +41,8 @@ class ModelParameters(NamedTuple):
 
     density: float
     """Density of the water [kg/m^3]"""
-    depth: float
-    """Depth of the still water [m]"""
-    current: Array
-    """Velocity of the undisturbed flow, world axes [m/s], shape (3,)"""
+    surroundings: WaterOverBed
+    """Level and current of the water, and the bed"""
     macro_step: float
     """Interval over which the wrenches are held [s]"""
     entry_draught: float
@@ -144,20 +146,26 @@ def evaluate_wrenches(
     filter_times : array, shape (5, 6), changed
         Time constants of the filter [s]; 0 without added mass.
     """
-    scratch = np.empty((3, 9, 4))
+    scratch = np.empty((3, 9, 5))
     totals = np.zeros(1, WET_INTEGRALS)
     all_moments = np.empty((2 * panels.strip_beams.size, 3, 4))
-    up, relative_velocity, angular_velocity = np.empty(3), np.empty(3), np.empty(3)
-    ahead = 0.5 * model.macro_step
+    place, current, angular_velocity = np.empty(3), np.zeros(3), np.empty(3)
+    turned, relative_velocity = np.empty((3, 3)), np.empty((2 * panels.strip_beams.size, 3))
+    ahead, around = 0.5 * model.macro_step, model.surroundings
     for body in range(5):
         rotation = motion.rotation[-1, body]
         for k in range(3):
-            relative_velocity[k], angular_velocity[k] = 0.0, 0.0
-            for i in range(3):  # velocity relative to the current and angular velocity, body axes
-                relative_velocity[k] += rotation[i, k] * (motion.velocity[body, i] - model.current[i])
+            place[k] = motion.position[body, k] + ahead * motion.velocity[body, k]
+            angular_velocity[k] = 0.0
+            for i in range(3):  # body axes
                 angular_velocity[k] += rotation[i, k] * motion.angular_velocity[body, i]
-        height = motion.position[body, 2] + ahead * motion.velocity[body, 2]
-        _vertical_ahead(rotation, angular_velocity, ahead, up)
+        _rotation_ahead(rotation, angular_velocity, ahead, turned)
+        level, current[0], current[1] = water_at(around.water[0], around.water_nodes, place[0], place[1])
+        _set_relative(rotation, motion.velocity[body], current, relative_velocity[0])
+        for cell in range(1, relative_velocity.shape[0] if body == 0 else 1):
+            relative_velocity[cell] = relative_velocity[0]
+        if body == 0 and around.water_nodes.shape[1] > 0:
+            _set_strips_relative(panels, around, rotation, place, motion.velocity[0], current, relative_velocity)
 
         area_moments = all_moments if body == 0 else all_moments[:1]
         area_moments[:] = 0.0
@@ -165,8 +173,8 @@ def evaluate_wrenches(
         total = totals[0]
         first, last = panels.first_triangle[body], panels.first_triangle[body + 1]
         wet_integrals(
-            panels.triangles[first:last], panels.cells[first:last], up, height, model.depth, totals, area_moments,
-            scratch,
+            panels.triangles[first:last], panels.cells[first:last], turned, place, level, around.bed,
+            around.bed_nodes, totals, area_moments, scratch,
         )  # fmt: skip
         for k in range(6):
             buried = total.buried_wrench[k] if model.pore_pressure else 0.0
@@ -217,15 +225,42 @@ def _clear(totals: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _vertical_ahead(rotation: Array, angular_velocity: Array, ahead: float, up: Array) -> None:
-    """Write world z in body axes a short time `ahead` [s] to `up`; the angular velocity is in body axes."""
-    x, y, z = rotation[2, 0], rotation[2, 1], rotation[2, 2]
-    up[0] = x - ahead * (angular_velocity[1] * z - angular_velocity[2] * y)
-    up[1] = y - ahead * (angular_velocity[2] * x - angular_velocity[0] * z)
-    up[2] = z - ahead * (angular_velocity[0] * y - angular_velocity[1] * x)
-    norm = math.sqrt(up[0] ** 2 + up[1] ** 2 + up[2] ** 2)
+def _rotation_ahead(rotation: Array, angular_velocity: Array, ahead: float, turned: Array) -> None:
+    """Write the world's axes in body axes a short time `ahead` [s] to the rows of `turned`.
+
+    Each row has length 1; they are orthogonal but for the square of the angle. The angular velocity is in body axes.
+    """
+    for row in range(3):
+        x, y, z = rotation[row, 0], rotation[row, 1], rotation[row, 2]
+        turned[row, 0] = x - ahead * (angular_velocity[1] * z - angular_velocity[2] * y)
+        turned[row, 1] = y - ahead * (angular_velocity[2] * x - angular_velocity[0] * z)
+        turned[row, 2] = z - ahead * (angular_velocity[0] * y - angular_velocity[1] * x)
+        norm = math.sqrt(turned[row, 0] ** 2 + turned[row, 1] ** 2 + turned[row, 2] ** 2)
+        for k in range(3):
+            turned[row, k] /= norm
+
+
+@njit(cache=True, error_model="numpy")
+def _set_relative(rotation: Array, velocity: Array, current: Array, relative: Array) -> None:
+    """Write a velocity relative to a current, both in world axes, to `relative`, in body axes [m/s]."""
     for k in range(3):
-        up[k] /= norm
+        relative[k] = 0.0
+        for i in range(3):
+            relative[k] += rotation[i, k] * (velocity[i] - current[i])
+
+
+@njit(cache=True, error_model="numpy")
+def _set_strips_relative(
+    panels: BodyPanels, around: WaterOverBed, rotation: Array, place: Array, velocity: Array, current: Array,
+    relative: Array,
+) -> None:  # fmt: skip
+    """Write the hull's velocity relative to the current at each strip to `relative`, body axes, shape (cells, 3)."""
+    for strip in range(panels.strip_centers.size):
+        x = place[0] + rotation[0, 0] * panels.strip_centers[strip]
+        y = place[1] + rotation[1, 0] * panels.strip_centers[strip]
+        _, current[0], current[1] = water_at(around.water[0], around.water_nodes, x, y)
+        for cell in range(2 * strip, 2 * strip + 2):
+            _set_relative(rotation, velocity, current, relative[cell])
 
 
 @njit(cache=True, error_model="numpy")
@@ -245,7 +280,10 @@ def _add_drag(
     area_moments: Array, coefficients: Array, strip_beams: Array, model: ModelParameters, relative_velocity: Array,
     angular_velocity: Array, wrench: Array,
 ) -> None:  # fmt: skip
-    """Add the drag of each cell along each body axis, at the centre of the cell's wetted area."""
+    """Add the drag of each cell along each body axis, at the centre of the cell's wetted area.
+
+    `relative_velocity`: of the body's origin relative to the current at the cell, shape (n_cells, 3).
+    """
     center = np.empty(3)
     for cell in range(area_moments.shape[0]):
         for k in range(3):
@@ -259,7 +297,7 @@ def _add_drag(
                 ratio = strip_beams[cell // 2] * model.strip_length / (4.0 * area)
                 coefficient = _interpolate(model.sway_drag, ratio)
             i, j = (k + 1) % 3, (k + 2) % 3  # k, i, j is cyclic: component k of a cross product is i, j less j, i
-            speed = relative_velocity[k] + angular_velocity[i] * center[j] - angular_velocity[j] * center[i]
+            speed = relative_velocity[cell, k] + angular_velocity[i] * center[j] - angular_velocity[j] * center[i]
             force = -0.5 * model.density * coefficient * area * abs(speed) * speed
             wrench[k] += force
             wrench[3 + i] += center[j] * force

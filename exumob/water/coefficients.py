@@ -19,6 +19,7 @@ from typing import Annotated, Any
 import numpy as np
 import xarray as xr
 
+from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.checks import require_positive
 from exumob.support.declared import Declared, checked
@@ -35,7 +36,7 @@ from exumob.water.coefficient_kernels import (
     RecentMotion,
     evaluate_wrenches,
 )
-from exumob.water.conditions import Water
+from exumob.water.conditions import Water, require_within
 from exumob.water.hydrostatics import WET_INTEGRALS, clipping_space, wet_integrals
 from exumob.water.wetted_surface import Surface, body_surfaces, frontal_share
 
@@ -105,12 +106,13 @@ class Coefficients(Declared):
 class CoefficientHydrodynamics:
     """Hydrostatics of the wetted geometry, quasi-steady drag and added mass with published coefficients.
 
-    The hydrostatic part is exact for each body's surface as it lies in still water. It is taken half a macro step ahead
-    (along the body's present velocity), so that holding it over the step does no work on a heaving body to first order.
+    The hydrostatic part is exact for each body's surface as it lies in still water: horizontal at the level at the
+    body's place, over the bed below it. It is taken half a macro step ahead (along the body's present velocity), so
+    that holding it over the step does no work on a heaving body to first order.
 
     The drag acts on each cell of a surface along each body axis: -C/2 density area |u| u, with the velocity u of the
-    cell's wetted centre relative to the current. The hull's cells are half strips (cross-flow drag, with yaw rate); a
-    wheel is one cell.
+    cell's wetted centre relative to the undisturbed current at the strip or wheel. The hull's cells are half strips
+    (cross-flow drag, with yaw rate); a wheel is one cell.
 
     The added-mass part is minus the added-mass matrix of the present wetted geometry times the filtered acceleration
     (see `exumob.water.coefficient_kernels.filter_time`); the undisturbed flow is steady.
@@ -137,6 +139,11 @@ class CoefficientHydrodynamics:
         }  # fmt: skip
         """The chosen settings, as kept in results."""
         self._water: Water | None = None
+        self._bed = Terrain()
+
+    def set_bed(self, terrain: Terrain) -> None:
+        """Take the ground of the runs to come. See `exumob.water.hydrodynamics.BedHydrodynamics`."""
+        self._bed = terrain
 
     def start(self, vehicle: Vehicle, water: Water | None, macro_step: float) -> None:
         """Build the surfaces and forget any earlier run."""
@@ -160,13 +167,13 @@ class CoefficientHydrodynamics:
             cells=np.concatenate([surface.cells for surface in surfaces]),
             first_triangle=np.cumsum([0] + [len(surface.triangles) for surface in surfaces]),
             strip_beams=_strip_beams(surfaces[0], strip_length),
+            strip_centers=_strip_centers(surfaces[0], strip_length),
         )
         chosen = self.coefficients
         in_plane, axial = chosen.wheel_added_mass or spheroid_added_mass(vehicle.wheel.width / vehicle.wheel.diameter)
         self._model = ModelParameters(
             density=float(water.density),
-            depth=float(water.depth),
-            current=water.velocity,
+            surroundings=water.over(self._bed),
             macro_step=float(macro_step),
             entry_draught=float(chosen.entry_draught),
             hull_length=float(length),
@@ -193,6 +200,7 @@ class CoefficientHydrodynamics:
         if math.isnan(self._sampled_until):
             self._sampled_until = now
         first = min(bisect_left(history.time, self._sampled_until + 1.0e-9), len(history) - 1)
+        require_within(self._water, history)
         motion = RecentMotion(
             since=self._sampled_until,
             time=_contiguous_copy(history.time[first:]),
@@ -301,9 +309,18 @@ def _strip_beams(hull: Surface, strip_length: float) -> Array:
     """Return the mean beam of each strip of the fully wetted hull [m], shape (strips,)."""
     moments = np.zeros((hull.n_cells, 3, 4))
     above = 2.0 * float(np.abs(hull.triangles).max())  # deep enough to wet the whole hull
-    upright, totals = np.array([0.0, 0.0, 1.0]), np.zeros(1, WET_INTEGRALS)
-    wet_integrals(hull.triangles, hull.cells, upright, above, 2.0 * above, totals, moments, clipping_space())
+    place, totals = np.array([0.0, 0.0, above]), np.zeros(1, WET_INTEGRALS)
+    wet_integrals(
+        hull.triangles, hull.cells, np.eye(3), place, 2.0 * above, *Terrain().as_arrays(), totals, moments,
+        clipping_space(),
+    )  # fmt: skip
     return moments[:, 2, 0].reshape(-1, 2).sum(axis=1) / strip_length
+
+
+def _strip_centers(hull: Surface, strip_length: float) -> Array:
+    """Return the middle of each strip along the hull's x axis [m], shape (strips,)."""
+    stern = float(hull.triangles[..., 0].min())
+    return np.asarray(stern + strip_length * (np.arange(hull.n_cells // 2) + 0.5), dtype=np.float64)
 
 
 def _rigid_masses(vehicle: Vehicle) -> Array:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from exumob.ground.terrain import Terrain, terrain_height
 from exumob.support.arrays import Array
 from exumob.support.kernels import njit
 from exumob.vehicle.motion import BodyStates
-from exumob.water.conditions import Water
+from exumob.water.conditions import Water, WaterOverBed
+from exumob.water.water_field import water_at
 
 FLOW_STATES = ("sideslip_angle", "angle_of_attack", "speed", "current_speed", "water_depth")
 """Names of the five quantities alpha, beta, V, U_w, D_w of Eq. (7)."""
@@ -60,7 +62,38 @@ def angle_of_attack(heading: float, current_direction: float) -> float:
     return math.pi - (math.pi - (heading - (current_direction + math.pi))) % (2.0 * math.pi)
 
 
-def flow_states(states: BodyStates, water: Water | None) -> Array:
+@njit(cache=True, error_model="numpy")
+def local_current(water: Any, nodes: Array, x: float, y: float) -> tuple[float, float, float, float, float]:
+    """Return level [m], current along x and y [m/s], its speed [m/s] and direction [rad] at a place.
+
+    Where the water of a field stands still, its direction is `Water.current_direction`. Parameters as for `water_at`.
+    """
+    level, velocity_x, velocity_y = water_at(water, nodes, x, y)
+    if nodes.shape[1] == 0:
+        return level, velocity_x, velocity_y, water.current_speed, water.current_direction
+    speed, direction = math.hypot(velocity_x, velocity_y), water.current_direction
+    if speed > 0.0:
+        direction = math.atan2(velocity_y, velocity_x)
+    return level, velocity_x, velocity_y, speed, direction
+
+
+@njit(cache=True, error_model="numpy")
+def local_depth(around: WaterOverBed, x: float, y: float) -> float:
+    """Return the depth of the undisturbed water at a place [m]; 0 on dry land."""
+    level, _, _ = water_at(around.water[0], around.water_nodes, x, y)
+    return max(level - terrain_height(around.bed[0], around.bed_nodes, x, y)[0], 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def local_depths(around: WaterOverBed, places: Array) -> Array:
+    """Return `local_depth` at places, world x, y [m], shape (n, 2) -> (n,) [m]."""
+    found = np.empty(len(places))
+    for n in range(len(places)):
+        found[n] = local_depth(around, places[n, 0], places[n, 1])
+    return found
+
+
+def flow_states(states: BodyStates, water: Water | None, terrain: Terrain | None = None) -> Array:
     """Return the state of each body relative to ground and water, Eq. (7).
 
     alpha is the angle from the body's heading to its horizontal velocity (positive: it moves to its own left), where
@@ -72,12 +105,16 @@ def flow_states(states: BodyStates, water: Water | None) -> Array:
     positive when the heading is turned to the left of upstream. It is defined by the current's direction even in calm
     water, and 0 without water.
 
+    U_w is the current at the body's place, D_w the depth below the hull's origin.
+
     Parameters
     ----------
     states : BodyStates
         n instants.
     water : Water or None
         None: no water, beta = U_w = D_w = 0.
+    terrain : Terrain, optional
+        The ground; default: flat at z = 0.
 
     Returns
     -------
@@ -85,22 +122,28 @@ def flow_states(states: BodyStates, water: Water | None) -> Array:
         Instant, body, quantity: alpha [rad] and beta [rad] in (-pi, pi], V [m/s], U_w [m/s], D_w [m].
     """
     columns = np.zeros((*states.velocity.shape[:2], 5))
-    if water is not None:
-        columns[..., 3:] = water.current_speed, water.depth
-    direction = math.nan if water is None else float(water.current_direction)
-    rotation, velocity = (np.array(values, float, order="C") for values in (states.rotation, states.velocity))
-    _fill_motion(rotation, velocity, direction, columns)
+    around = Water(1.0).over() if water is None else water.over(terrain)
+    position, rotation, velocity = (
+        np.array(values, float, order="C") for values in (states.position, states.rotation, states.velocity)
+    )
+    _fill_states(position, rotation, velocity, around, water is not None, columns)
     return columns
 
 
 @njit(cache=True, error_model="numpy")
-def _fill_motion(rotation: Array, velocity: Array, current_direction: float, columns: Array) -> None:
-    """Fill alpha, beta and V; without a direction (nan) beta stays as it is."""
+def _fill_states(
+    position: Array, rotation: Array, velocity: Array, around: WaterOverBed, wet: bool, columns: Array
+) -> None:
+    """Fill the five states; without water beta, U_w and D_w stay as they are."""
     for n in range(len(columns)):
+        depth = local_depth(around, position[n, 0, 0], position[n, 0, 1])
         for body in range(columns.shape[1]):
             motion = horizontal_motion(rotation[n, body], velocity[n, body])
             speed = math.hypot(velocity[n, body, 0], velocity[n, body, 1])
             columns[n, body, 0] = sideslip_angle(motion, speed)
             columns[n, body, 2] = speed
-            if not math.isnan(current_direction):
-                columns[n, body, 1] = angle_of_attack(motion.heading, current_direction)
+            if wet:
+                x, y = position[n, body, 0], position[n, body, 1]
+                _, _, _, current, direction = local_current(around.water[0], around.water_nodes, x, y)
+                columns[n, body, 1] = angle_of_attack(motion.heading, direction)
+                columns[n, body, 3], columns[n, body, 4] = current, depth

@@ -15,6 +15,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import xarray as xr
 
+from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
@@ -32,7 +33,9 @@ class Hydrodynamics(Protocol):
     4. `save` whenever a checkpoint is written, `restore` when a run is resumed from one;
     5. `record` at the end.
 
-    An attribute ``parameters`` (a dict) is optional: it is kept in the result and compared when a run is resumed.
+    An attribute ``parameters`` (a dict) is optional: it is kept in the result and compared when a run is resumed. So is
+    a function ``set_bed`` (`BedHydrodynamics`), without which a model is given water of one depth over level ground at
+    z = 0 only.
 
     Examples
     --------
@@ -62,7 +65,7 @@ class Hydrodynamics(Protocol):
         vehicle : Vehicle
             Its sizes and masses.
         water : Water or None
-            Depth, current and density; None: there is no water.
+            Depth or level, current and density; None: there is no water.
         macro_step : float
             Interval between two calls of `wrenches` [s].
 
@@ -121,6 +124,18 @@ class Hydrodynamics(Protocol):
 
         Called at the end of a run. The result holds each variable under ``hydrodynamics_<name>``; samples once a macro
         step use the dimension ``macro_time`` [s], and every variable has the attributes ``units`` and ``long_name``.
+        """
+
+
+@runtime_checkable
+class BedHydrodynamics(Hydrodynamics, Protocol):
+    """A hydrodynamics model that knows water over any terrain, and water that differs from place to place."""
+
+    def set_bed(self, terrain: Terrain) -> None:
+        """Take the ground of the runs to come; before the first call it is flat at z = 0.
+
+        Called once a run, before `start`. With it, `exumob.water.conditions.Water.as_arrays` or ``at`` tells level and
+        current at each place.
         """
 
 

@@ -236,6 +236,25 @@ def _verify_run(run: Any) -> None:
             raise Silent(f"{name} is not finite")
 
 
+def section_file() -> str:
+    """A small cross-section."""
+    rows = "\n".join(f"{2 * n} , {abs(n - 3) - 2} , 0.1" for n in range(7))
+    return f"station [m] , bed [m] , current [m/s]\n{rows}\n"
+
+
+@functools.cache
+def river_file() -> bytes:
+    """A small river from another program."""
+    import xarray as xr
+
+    values = np.ones((3, 4))
+    fields = {"BOTTOM": 0.1 * values, "FREE SURFACE": values, "VELOCITY U": values, "VELOCITY V": values}
+    data = xr.Dataset({name: (("y", "x"), v) for name, v in fields.items()}, {"x": np.arange(4.0), "y": np.arange(3.0)})
+    with tempfile.TemporaryDirectory() as folder:
+        file = exumob.save_dataset(data, Path(folder) / "river.nc")
+        return file.read_bytes()
+
+
 def _load_networks(path: Path) -> Any:
     from exumob.surrogates.networks import NetworkSet
 
@@ -343,6 +362,10 @@ def file_targets() -> list[Target]:
         file_target("result file", "run.nc", damaged(result_file), exumob.load_dataset),
         file_target("study file", "study.toml", damaged_text(lambda: STUDY, VALUES), _read_study, verify=_verify_study,
                     also=("study file",)),
+        file_target("cross-section", "ford.csv", damaged_text(section_file, ["nan", "", ",", "1e30", "-5",
+        "[mm]", "ä"]),
+                    exumob.CrossSection.read),
+        file_target("river file", "river.nc", damaged(river_file), exumob.read_river),
         file_target("networks file", "small.safetensors", damaged(networks_file), _load_networks),
         file_target("histories, CSV", "run.csv", damaged_text(histories_file, ["nan", "", ",", "1e30", "'", "time",
         "[mm]", "ä"]),

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from exumob import ImplausibleValue, Soil, Water, unusual
+from exumob import ImplausibleValue, Soil, Terrain, Water, unusual
 from exumob.support.declared import Declared, checked, declared_fields
 from exumob.support.quantities import Quantity
 from vehicle_models.amphibious import amphibious_vehicle
@@ -258,7 +258,7 @@ def test_a_field_that_is_not_there_is_answered_by_the_nearest(make, message):
             make()
 
 
-@pytest.mark.parametrize("make", [lambda: Water(), lambda: Water(1, 2, 3, 4, 5, 6), lambda: Water(0.1, depth=0.1)])
+@pytest.mark.parametrize("make", [lambda: Terrain.slope(), lambda: Water(*range(7)), lambda: Water(0.1, depth=0.1)])
 def test_other_mistakes_of_a_call_stay_what_python_says(make):
     with pytest.raises(TypeError, match="argument"):
         make()

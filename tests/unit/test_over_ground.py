@@ -181,3 +181,24 @@ def test_a_run_says_what_is_below_it(vehicle, sand, caplog):
     assert (outside == 1).any()
     assert (outside == moved).mean() > 0.9
     assert f"left the field of heights at {float(run['time'][np.argmax(outside)]):.2f} s (hull)" in caplog.text
+
+
+def test_clearance_over_a_field_that_is_turned(vehicle):
+    """Hull and field turned together, on a plane that is turned back: the same clearance and the same ends, 1e-9 m."""
+    angle, place = 0.8, np.array([40.0, -30.0])
+    straight = dataclasses.replace(field(ridge, 0.02), slope_x=0.03, height=0.1)
+    states = standing(vehicle, [(0.1, 0.05)], (0.3, 0.02, -0.01))
+    about = Rotation.from_euler("z", angle).as_matrix()
+    turned = dataclasses.replace(
+        straight, direction=angle, origin=tuple(place + about[:2, :2] @ np.array(straight.origin)),
+        slope_x=0.03 * np.cos(angle), slope_y=0.03 * np.sin(angle),
+        height=0.1 - 0.03 * float(place @ about[:2, 0]),
+    )  # fmt: skip
+    moved = dataclasses.replace(
+        states, position=states.position @ about.T + [*place, 0.0], rotation=about @ states.rotation
+    )
+    expected = keel_clearance(vehicle, straight, states)
+    assert expected[0] < 0.03
+    np.testing.assert_allclose(keel_clearance(vehicle, turned, moved), expected, atol=1e-9)
+    far = dataclasses.replace(moved, position=moved.position + about @ [1.7, 0.0, 0.0])
+    np.testing.assert_array_equal(outside_terrain(vehicle, turned, far)[0], [True, True, True, False, False])

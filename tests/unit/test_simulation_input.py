@@ -9,8 +9,10 @@ import pytest
 
 import exumob.simulation.run
 from exumob.coupling.explicit import Explicit
+from exumob.coupling.flow_in_loop import CfdHydrodynamics
 from exumob.driving.maneuver import ConstantSteer, LaneChange, Recorded, lane_change, ramp
 from exumob.ground.soil import Soil
+from exumob.ground.terrain import Terrain
 from exumob.simulation.run import simulate
 from exumob.simulation.settings import SETTINGS
 from exumob.support.errors import SimulationError, SimulationInterrupted
@@ -18,6 +20,7 @@ from exumob.support.quantities import unusual
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import NoWater
+from exumob.water.water_field import WaterField
 
 STEPS = {"duration": 0.2, "micro_step": 5e-4, "macro_step": 20e-3}
 
@@ -422,3 +425,50 @@ def test_a_run_after_a_broken_one_is_as_good_as_new(vehicle, sand):
 def test_standing_still_is_a_run(vehicle, sand):
     run = simulate(vehicle, sand, None, ConstantSteer(speed=0.0), **STEPS)
     assert float(np.abs(run["velocity"]).max()) < 1e-5
+
+
+# -- water over terrain, and the start ---------------------------------------------------------------------------------
+
+
+FIELD = Terrain(heights=np.zeros((3, 3)), origin=(-4.0, -4.0), spacing=4.0)
+OWN = Scripted()
+WATER_FIELD = Water(field=WaterField(np.zeros((3, 3)), origin=(-4.0, -4.0), spacing=4.0))
+
+
+@pytest.mark.usefixtures("nothing_runs")
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"water": Water(0.1), "terrain": FIELD}, r"simulate.water: Water.depth = 0.1 m: .*Water\(level="),
+        ({"water": Water(0.1), "terrain": Terrain.slope(0.1)}, r"Water\(level=...\), which lies above 0 m"),
+        ({"water": Water(level=0.1), "hydrodynamics": OWN}, "Scripted knows water of one depth.*set_bed"),
+        ({"water": Water(0.1), "terrain": Terrain(2.0), "hydrodynamics": OWN}, "level ground at z = 0 only.*set_bed"),
+        ({"water": Water(level=0.1), "terrain": FIELD, "hydrodynamics": CfdHydrodynamics()},
+         "the flow in the loop .* knows water of one depth"),
+        ({"water": Water(0.1), "start": (5.0, 0.0, 0.0), "hydrodynamics": CfdHydrodynamics()}, "simulate.start"),
+        ({"water": WATER_FIELD, "start": (3.8, 0.0, 0.0)}, "field of water reaches from x = -4 to 4 m.*WaterField"),
+        ({"water": WATER_FIELD, "start": (900.0, 0.0, 0.0)}, "WaterField.origin is the place"),
+        ({"terrain": FIELD, "start": (0.0, 3.9, 1.6)}, "field of heights reaches.*the vehicle at its start"),
+        ({"start": (0.0, 0.0, 90.0)}, "StartPose.heading = 90.0 rad.*degrees"),
+        ({"start": (0.0, 0.0)}, "simulate.start"),
+        ({"start": 3.0}, "simulate.start"),
+    ],
+)  # fmt: skip
+def test_water_terrain_and_start_that_do_not_go_together(vehicle, sand, given, message):
+    with pytest.raises(ValueError, match=message):
+        simulate(vehicle, sand, maneuver=ConstantSteer(), **({"hydrodynamics": "coefficients"} | given))
+
+
+def test_a_model_of_ones_own_is_told_of_the_bed(vehicle, sand):
+    """`set_bed` comes before `start`; without it level ground at z = 0 is fine."""
+
+    class Told(Scripted):
+        def set_bed(self, terrain):
+            self.terrain = terrain
+
+    model = Told()
+    simulate(vehicle, sand, Water(level=-1.0), ConstantSteer(), model, terrain=Terrain.slope(0.05), duration=0.02)
+    assert model.terrain.slope_x == pytest.approx(math.tan(0.05))
+    run = simulate(vehicle, sand, Water(0.1), ConstantSteer(), Scripted(), start=(3.0, 4.0, 1.0), duration=0.02)
+    assert run["position"].values[0, 0, :2] == pytest.approx((3.0, 4.0), abs=0.05)
+    assert float(run["yaw"][0, 0]) == pytest.approx(1.0, abs=1e-6)

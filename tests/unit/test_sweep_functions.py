@@ -4,13 +4,17 @@ from dataclasses import replace
 
 import pytest
 
+from exumob.ground.terrain import Terrain
 from exumob.mobility.crossing import Crossing
 from exumob.support.quantities import Unusual
 from exumob.sweeps import processes, study
 from exumob.sweeps.case_store import CaseStore
-from exumob.sweeps.experiment import Experiment, amphibious_crossing
+from exumob.sweeps.experiment import Experiment, amphibious_crossing, amphibious_lane_change
 from exumob.sweeps.run import _with_experiment
 from exumob.sweeps.study import _marked, read_study
+from exumob.vehicle.start_pose import StartPose
+from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.conditions import Water
 
 
 class Plain:
@@ -115,3 +119,18 @@ def test_a_process_that_is_gone_is_noticed_though_its_case_has_ended(tmp_path, m
     monkeypatch.setattr(processes, "lives", lambda pid: False)
     assert processes._lost(store, 0.0) == {0}
     assert store.read(0)["status"] == "completed"
+
+
+def test_an_experiment_over_terrain():
+    """Its water by a level: the names are those of a level, and what needs one depth says so; the run gets it all."""
+    ground, start = Terrain.slope(0.1), StartPose(1.0, 2.0, 0.3)
+    over = replace(amphibious_lane_change(), water=Water(level=0.2), terrain=ground, start=start)
+    assert {"water.level", "water.current_speed"} <= set(over.names())
+    assert not {"water.depth", "water.depth_ratio", "water.field"} & set(over.names())
+    assert over.with_values({"water.level": 0.3}).water == Water(level=0.3)
+    for name in ("water.depth", "water.depth_ratio"):
+        with pytest.raises(ValueError, match=r"given by its level.*one depth"):
+            over.with_values({name: 0.3})
+    described = over.description(CoefficientHydrodynamics())
+    assert (described.terrain, described.start) == (ground, start)
+    assert "water a level over terrain" in str(over.trust([{}])["trust"])

@@ -21,6 +21,7 @@ from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.paper.scenarios import TRAINING, UNSEEN
 from exumob.simulation.description import RunDescription, Steps
+from exumob.simulation.over_water import WaterMet
 from exumob.simulation.result_files import load_dataset
 from exumob.simulation.run import simulate
 from exumob.simulation.trust import coefficients_off, shape_differences, trust_of, trust_of_all
@@ -28,10 +29,12 @@ from exumob.support.measured import measured_errors
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.sweeps.experiment import amphibious_crossing, amphibious_lane_change
 from exumob.vehicle.point_force import PointForce
+from exumob.vehicle.start_pose import StartPose
 from exumob.vehicle.vehicle_file import load_vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import NoWater
+from exumob.water.water_field import WaterField
 from vehicle_models.amphibious import amphibious_vehicle
 
 ROOT = Path(__file__).parents[2]
@@ -138,6 +141,33 @@ OTHER_LOADS = "held" if Explicit().within_step == "linear" else "linear"
 FINE_HULL = replace(CAR, hull=replace(CAR.hull, mass=60.0))
 
 
+def test_a_head_current_is_one_wherever_the_vehicle_heads():
+    water = Water.at_ratio(0.6, 1.0, current_direction=math.radians(-150.0))
+    assert trust_of(replace(RUN, water=water, start=StartPose(50.0, 60.0, math.radians(30.0)))).status == "measured"
+
+
+MET = WaterMet((0.02, 0.11), (0.2, 0.9), 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({}, "depth ratio 0.1 to 0.55 (0.4 to 0.6)"),
+        ({"current": (0.2, 1.4)}, "current 0.2 to 1.4 m/s (0 to 1 m/s)"),
+        ({"aside": 0.5 * math.pi}, "turned from ahead by 90 deg"),
+        ({"level_difference": 0.012}, "level, taken as horizontal, over half the hull by 12 mm"),
+        ({"current_difference": 0.15}, "current, taken at the bodies' origins, over half the hull by 0.15 m/s"),
+        ({"slope": 0.15}, "networks of level beds on a slope of 0.15"),
+    ],
+)
+def test_what_a_model_assumes_of_the_water_is_said(change, text):
+    run = replace(RUN, water=Water(level=0.0))
+    assert text in "; ".join(map(str, trust_of(run, 0.0, 0.0, MET._replace(**change)).departures))
+    coefficients = trust_of(replace(run, hydrodynamics=CoefficientHydrodynamics()), met=MET._replace(**change))
+    named = "; ".join(map(str, coefficients.departures))
+    assert ("slope" in named, "strip by strip" in named) == (False, "current_difference" in change)
+
+
 @pytest.mark.parametrize(
     ("change", "text"),
     [
@@ -145,6 +175,9 @@ FINE_HULL = replace(CAR, hull=replace(CAR.hull, mass=60.0))
         ({"water": Water.at_ratio(0.6, 1.5)}, "current 1.5 m/s (0 to 1 m/s)"),
         ({"water": Water.at_ratio(0.6, 1.0, current_direction=math.radians(135.0))}, "turned from ahead by 45 deg"),
         ({"water": Water.at_ratio(0.6, 1.0, density=1100.0)}, "density 1.1e+03 kg/m³ (1000 kg/m³)"),
+        ({"water": Water(level=0.12, current_speed=1.0)}, "water a level over terrain (one depth)"),
+        ({"water": Water(field=WaterField(np.ones((2, 2))))}, "water a field (one depth)"),
+        ({"start": StartPose(heading=math.radians(30.0))}, "turned from ahead by 30 deg"),
         ({"soil": Soil.published("Sandy loam 11 %")}, "soil Sandy loam 11 % (LETE sand)"),
         ({"soil": replace(RUN.soil, n=0.9)}, "soil LETE sand with other values (LETE sand)"),
         ({"vehicle": FINE_HULL}, "hull.mass 60 (49)"),
