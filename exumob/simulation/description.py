@@ -52,6 +52,8 @@ class RunDescription:
     """Speed at time 0 along the heading [m/s]"""
     forces: tuple[PointForce, ...] = ()
     """Forces of the user's own"""
+    user_loads: bool = False
+    """Whether the loads enter as user loads of Exudyn, not as one vector of generalised forces"""
 
     def parts(self) -> dict[str, Any]:
         """Return the parts by name; the steps as a dict of numbers [s]."""
