@@ -30,7 +30,7 @@ from exumob.support.declared import Declared, checked
 from exumob.support.files import atomic_write, require_folder_name
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity, Unusual
-from exumob.surrogates.networks import GEOMETRY
+from exumob.surrogates.networks import FURTHER_GEOMETRY, GEOMETRY
 from exumob.sweeps.run import Progress, sweep
 from exumob.sweeps.sampling import (
     ANY,
@@ -133,7 +133,7 @@ class MobilityMap(Declared):
         one_model = self.crossing.experiment.with_one_model([*self.panels.values(), *ends])
         object.__setattr__(self, "crossing", replace(self.crossing, experiment=one_model))
         draws = _extreme(self.factors())
-        shaped = any(name in GEOMETRY for name in self.scatter)
+        shaped = any(name in (*GEOMETRY, *FURTHER_GEOMETRY) for name in self.scatter)
         for case in self.panels.values():
             for x, y in itertools.product((self.x.low, self.x.high), (self.y.low, self.y.high)):
                 for n, factors in enumerate(draws):

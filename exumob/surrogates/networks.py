@@ -50,6 +50,8 @@ GEOMETRY = (
     "wheel.width", "wheelbase", "track",
 )  # fmt: skip
 """Parameters of a vehicle that shape the flow: networks fit no vehicle that differs in one of them."""
+FURTHER_GEOMETRY = ("hull.stern_length", "hull.stern_height", "hull.boxes", "hull.wheel_arches")
+"""More of them, which `geometry` tells as one under ``hull.mesh``: no trained vehicle has any."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from exumob.support import quantities
 from exumob.support.declared import Declared, DeclaredField, check_of, declared_fields
 from exumob.support.quantities import DEPTH_RATIO, STEP, Quantity, shown
 from exumob.surrogates.model import SurrogateHydrodynamics
-from exumob.surrogates.networks import GEOMETRY
+from exumob.surrogates.networks import FURTHER_GEOMETRY, GEOMETRY
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.point_force import PointForce
 from exumob.vehicle.start_pose import AT_ORIGIN, StartPose
@@ -338,7 +338,7 @@ class Experiment(Declared):
             return self
         if self.member is not None or "hydrodynamics.member" in names:
             return replace(self, hydrodynamics="networks")
-        places = [name for name in GEOMETRY if name in names]
+        places = [name for name in (*GEOMETRY, *FURTHER_GEOMETRY) if name in names]
         for values in {repr(v): v for v in ({n: case[n] for n in places if n in case} for case in cases)}.values():
             try:
                 changed = self.with_values(values)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from exumob.surrogates.networks import geometry
+from exumob.sweeps.experiment import amphibious_lane_change
 from exumob.vehicle.body import arch_of, body_faces, is_plain, triangulated, with_shared_corners
 from exumob.vehicle.hull import Box, Hull, WheelArches
 from exumob.vehicle.wheel_motion import Axle
@@ -199,3 +200,10 @@ def test_shared_corners_stand_on_the_edges_of_their_neighbours():
         tuple(map(tuple, edge)) for face in whole for edge in itertools.pairwise([*face.tolist(), face[0].tolist()])
     ]
     assert sorted(edges) == sorted(edge[::-1] for edge in edges)
+
+
+def test_a_sweep_over_the_stern_takes_no_networks_of_another_shape():
+    base = amphibious_lane_change()
+    assert base.with_one_model([{"hull.mass": 49.0}]).hydrodynamics == "networks"
+    cases = [{"hull.stern_length": length, "hull.stern_height": 0.05} for length in (0.0, 0.1)]
+    assert base.with_one_model(cases).hydrodynamics == "coefficients"
