@@ -24,6 +24,7 @@ from exumob.commands.options import (
     refuse_without_effect,
 )
 from exumob.commands.shared import console, counting_bar, errors, fail
+from exumob.support.files import require_folder_name
 
 CAUSES = 3
 """Number of causes of failure that are printed."""
@@ -69,6 +70,7 @@ def sweep_command(  # one argument an option of the command line
 
     kept: list[int] = []
     try:
+        require_folder_name("--output", output)
         if study is not None:
             refuse_without_effect(
                 "beside a study file", "write it into the file, or leave the file out",

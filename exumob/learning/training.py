@@ -27,7 +27,7 @@ from exumob.learning.examples import Examples, build_examples, validation_run
 from exumob.learning.fitting import fit_body
 from exumob.learning.presets import Preset
 from exumob.support.declared import checked
-from exumob.support.files import require_writable
+from exumob.support.files import require_folder_name, require_writable
 from exumob.support.processes import end_with_parent
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity
@@ -118,6 +118,7 @@ def train(
     for name, run in runs.items():
         check_run(run, name)
     _check_geometry(runs, vehicle)
+    require_folder_name("train.output", output)
     parts = output / "parts"
     try:
         parts.mkdir(parents=True, exist_ok=True)

@@ -27,7 +27,7 @@ from exumob.simulation.result_files import save_dataset
 from exumob.support.arrays import Array
 from exumob.support.cost import require_memory
 from exumob.support.declared import Declared, checked
-from exumob.support.files import atomic_write
+from exumob.support.files import atomic_write, require_folder_name
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity, Unusual
 from exumob.surrogates.networks import GEOMETRY
@@ -320,6 +320,7 @@ def compute_map(
     RuntimeError
         If a case fails with another error than a breakdown of the simulation.
     """
+    require_folder_name("compute_map.folder", folder)
     place = Path(folder)
     _claim(place, wanted)
     factors = wanted.factors()

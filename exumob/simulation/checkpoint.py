@@ -7,6 +7,7 @@ written under another name and then renamed, so that a killed run leaves the las
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import logging
@@ -24,7 +25,8 @@ import numpy as np
 from exumob.coupling.scheme import Coupling
 from exumob.multibody.system import MultibodyVehicle, SavedState
 from exumob.simulation.description import RunDescription
-from exumob.support.files import CHECKPOINTS, PACKAGE, atomic_write, require_ending, require_writable
+from exumob.support.files import CHECKPOINTS, atomic_write, require_ending, require_writable
+from exumob.support.identity import differences, program_digest, users_identity
 from exumob.support.provenance import parameters_json, versions
 from exumob.vehicle.motion import HISTORY_STEP
 from exumob.water.hydrodynamics import Hydrodynamics
@@ -52,29 +54,27 @@ class Fingerprint:
 
     @classmethod
     def of(cls, run: RunDescription) -> Fingerprint:
-        """Return the fingerprint of a run: parameters, the maneuver's course, a hull mesh, versions and sources."""
+        """Return the fingerprint of a run: parameters, maneuver's course, hull mesh, own forces, versions, sources."""
         parts = {name: parameters_json({name: value}) for name, value in run.parts().items()}
         times = np.arange(0.0, run.steps.duration + HISTORY_STEP, HISTORY_STEP)
         maneuver = run.maneuver
         course = np.array([(*maneuver.steering(t), *maneuver.wheel_speed(t)) for t in times], dtype=float)
         parts["maneuver"] += hashlib.sha256(course.tobytes()).hexdigest()
         parts["vehicle"] += mesh_digest(run.vehicle.hull)
+        found = users_identity(run.forces)
+        parts["forces"] = json.dumps(found.values | {f"source of {name}": text for name, text in found.code.items()})
         parts["versions"] = json.dumps(versions())
         parts["program"] = program_digest()
         return cls(parts)
 
     def differences(self, other: dict[str, str]) -> list[str]:
-        """Names of the parts that differ."""
-        return [name for name in self.parts if self.parts[name] != other.get(name)]
-
-
-def program_digest() -> str:
-    """Digest of the package's sources: the same bits come only from the same program."""
-    folder = PACKAGE
-    digest = hashlib.sha256()
-    for file in sorted(folder.rglob("*.py")):
-        digest.update(file.relative_to(folder).as_posix().encode() + file.read_bytes())
-    return digest.hexdigest()
+        """Names of the parts that differ; of forces also what of them."""
+        found = [name for name in self.parts if self.parts[name] != other.get(name)]
+        if "forces" in found:
+            with contextlib.suppress(KeyError, TypeError, ValueError, AttributeError):  # of a damaged file
+                said = differences(json.loads(other["forces"]), json.loads(self.parts["forces"]))
+                found[found.index("forces")] = f"forces ({said})"
+        return found
 
 
 class Checkpoints:

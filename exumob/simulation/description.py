@@ -53,6 +53,8 @@ class RunDescription:
     """Speed at time 0 along the heading [m/s]"""
     forces: tuple[PointForce, ...] = ()
     """Forces of the user's own"""
+    user_loads: bool = False
+    """Whether the loads enter as user loads of Exudyn, not as one vector of generalised forces"""
     start: StartPose = AT_ORIGIN
     """Where the vehicle begins, and its heading there"""
 

@@ -71,6 +71,7 @@ def simulate(  # one argument a part of the run; all but two have defaults
     initial_speed: Annotated[float | None, INITIAL_SPEED] = None,
     coupling: Coupling | None = None,
     forces: Sequence[PointForce] = (),
+    user_loads: bool = False,
     checkpoint: str | Path | None = None,
     resume: bool = False,
     progress: Callable[[float], None] | None = None,
@@ -113,7 +114,10 @@ def simulate(  # one argument a part of the run; all but two have defaults
         How vehicle and water agree within a macro step. Default: `SemiImplicit` for a flow code, `Explicit` (the
         paper's) for models that take account of added mass themselves.
     forces : sequence of PointForce
-        Forces of your own on the vehicle, such as a tow rope. Not with `checkpoint`.
+        Forces of your own on the vehicle, such as a tow rope.
+    user_loads : bool
+        Let the loads enter as user loads of Exudyn, functions in Python on each body, as its users write them, not as
+        one vector of generalised forces: the same motion to 1e-8 m, in more time. A check, and a place to start from.
     checkpoint : path, optional
         File (.npz) that holds the whole run, written at the release, every half second and when it stops or breaks.
     resume : bool
@@ -156,17 +160,13 @@ def simulate(  # one argument a part of the run; all but two have defaults
     run = RunDescription(
         vehicle, soil, water, terrain, maneuver, hydrodynamics,
         (SemiImplicit() if in_loop else Explicit()) if coupling is None else coupling, steps, speed,
-        tuple(forces), pose,
+        tuple(forces), user_loads, pose,
     )  # fmt: skip
     check_following(run)
     prepare(run, commands, None if checkpoint is None else Path(checkpoint))
     store = None
     if checkpoint is not None:
         check_described(maneuver)
-        if forces:
-            raise ValueError(
-                "simulate.forces: a checkpoint cannot tell one function from another; leave out checkpoint or forces."
-            )
         store = Checkpoints(Path(checkpoint), Fingerprint.of(run), resume)
     elif resume:
         raise ValueError("simulate.resume: there is nothing to go on from without checkpoint; give its file.")
@@ -180,7 +180,7 @@ def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[f
     say_compilation("the vehicle model", vehicle_loads, "half a minute to a minute")
     model = MultibodyVehicle(
         run.vehicle, run.soil, run.maneuver, run.terrain, steps.micro_step, steps.duration, steps.record_step,
-        forces=run.forces, start=run.start,
+        user_loads=run.user_loads, forces=run.forces, start=run.start,
     )  # fmt: skip
     scheme.start()
     first = 0

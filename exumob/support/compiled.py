@@ -41,6 +41,8 @@ def say_compilation(what: str, kernel: Callable[..., Any], duration: str) -> Non
     _said.add(what)
     if not is_compiled(kernel):
         kept = "what is compiled is kept, later runs start at once"
-        if is_private():
+        if not hasattr(getattr(kernel, "_cache", None), "_cache_file"):  # of Numba's cache that keeps files
+            kept = "nothing can be kept here, so every process compiles anew (an earlier warning may say why)"
+        elif is_private():
             kept = f"set {VARIABLE} to a folder that you may write, or every run begins like this"
         logger.warning("%s is compiled first, which takes %s; %s.", what, duration, kept)

@@ -27,6 +27,8 @@ ANIMATIONS = (".gif", ".mp4")
 """Endings of animations."""
 CHECKPOINTS = (".npz",)
 """Endings of checkpoints."""
+FILES = (*NETCDF, *FIGURES, *ANIMATIONS, *CHECKPOINTS, ".toml", ".json", ".csv", ".txt", ".py", ".log", ".zip", ".onnx")
+"""Endings of files that nobody means for a folder."""
 SEAL = b"\nexumob sha256 "
 """Begin of the last line of a sealed file; the digest of all bytes before it follows, in hexadecimal digits."""
 SEAL_LENGTH = len(SEAL) + 64
@@ -124,14 +126,46 @@ def require_writable(file: str | Path, size: int = 1 << 16) -> None:
     if not stat.S_ISREG(mode):
         raise ValueError(f"{path} cannot be written: it is a device, and no file; give another name.")
     try:
-        with tempfile.TemporaryFile(dir=path.parent) as stream:
-            stream.write(bytes(size))
-            stream.flush()
-            os.fsync(stream.fileno())
+        probe_folder(path.parent, size)
     except OSError as error:
         raise ValueError(
             f"{path} cannot be written: {error.strerror or error}; give a folder with room in which you may write."
         ) from None
+
+
+def probe_folder(folder: Path, size: int = 1 << 16) -> None:
+    """Write so many bytes to the disk of a folder, and remove them.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written, or is full.
+    """
+    with tempfile.TemporaryFile(dir=folder) as stream:
+        stream.write(bytes(size))
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def require_folder_name(name: str, folder: str | Path) -> None:
+    """Refuse the name of a folder that says that it is a file; a folder that is there already may have any.
+
+    Parameters
+    ----------
+    name : str
+        What names the folder, for the message: an argument or an option.
+    folder : str or Path
+
+    Raises
+    ------
+    ValueError
+        Naming folder, ending and remedy.
+    """
+    path = Path(folder)
+    if path.suffix.lower() in FILES and not path.is_dir():
+        raise ValueError(
+            f"{name} {path}: this is to be a folder, and {path.suffix} is the ending of a file; leave the ending out."
+        )
 
 
 def require_ending(name: str, file: str | Path, endings: Sequence[str]) -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import datetime
 import functools
+import inspect
 import json
 import shutil
 import subprocess
-from dataclasses import asdict, is_dataclass
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from exumob.support.files import PACKAGE
+from exumob.support.identity import digest, source
 
 
 def provenance() -> dict[str, str]:
@@ -51,8 +54,8 @@ def versions() -> dict[str, str]:
 def parameters_json(parameters: dict[str, Any]) -> str:
     """Return all parameters of a run as one JSON text.
 
-    Dataclasses and objects with a dict `parameters` become ``{class name: fields}``, arrays lists, other objects the
-    name of their class.
+    Dataclasses and objects with a dict `parameters` become ``{class name: fields}``, arrays lists, functions their name
+    with a digest of their source, other objects the name of their class.
     """
     return json.dumps(parameters, default=_plain)
 
@@ -74,9 +77,20 @@ def _plain(value: Any) -> Any:
     if isinstance(parameters := getattr(value, "parameters", None), dict):
         return {type(value).__name__: parameters}
     if is_dataclass(value) and not isinstance(value, type):
-        return {type(value).__name__: asdict(value)}
+        return {type(value).__name__: _unfolded(value)}
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, np.generic):
         return value.item()
+    if inspect.isroutine(value):
+        return f"{getattr(value, '__qualname__', type(value).__name__)} ({digest(source(value))})"
     return str(value) if isinstance(value, Path) else type(value).__name__
+
+
+def _unfolded(value: Any) -> Any:
+    """Fields of a dataclass and of those within it as dicts; nothing is copied, as a user's object may not allow it."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: _unfolded(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: _unfolded(part) for key, part in value.items()}
+    return [_unfolded(part) for part in value] if isinstance(value, list | tuple) else value

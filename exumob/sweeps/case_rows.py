@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from exumob.support.identity import file_text, spelled
 from exumob.support.quantities import shown
-from exumob.sweeps.identity import file_text, stable_repr
 from exumob.sweeps.sampling import Case
 
 STATUSES = ("completed", "broke down", "refused", "failed", "out of time", "killed")
@@ -99,4 +99,4 @@ def _is_number(value: Any) -> bool:
 def _plain_value(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
-    return file_text(value) if isinstance(value, Path) else stable_repr(value)
+    return file_text(value) if isinstance(value, Path) else spelled(value)

@@ -1,7 +1,7 @@
 """The folder of a sweep: what is run, which cases are under way, and how each ended.
 
 Every case that has ended is a file, so that a sweep that was stopped or killed continues with the others. The file says
-for itself what it belongs to: the values of the case, those that the function holds (`exumob.sweeps.identity`) and the
+for itself what it belongs to: the values of the case, those that the function holds (`exumob.support.identity`) and the
 version of exumob. What does not fit is refused, what is torn is computed again.
 """
 
@@ -17,7 +17,6 @@ import re
 import shutil
 import socket
 import sys
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -28,13 +27,13 @@ import xarray as xr
 
 from exumob.simulation.result_files import save_dataset
 from exumob.support.cost import spelled_size
-from exumob.support.files import write_text
+from exumob.support.files import probe_folder, write_text
+from exumob.support.identity import differences, digest, identity
 from exumob.support.provenance import package_version
 from exumob.sweeps.case_rows import FORMAT, case_text, check_names, fault_of_row
 from exumob.sweeps.case_table import clean_text, table_of
 from exumob.sweeps.experiment import Experiment
 from exumob.sweeps.handing_over import WithVehicleFiles
-from exumob.sweeps.identity import differences, digest, identity
 from exumob.sweeps.sampling import ROW_BYTES, Case
 
 logger = logging.getLogger(__name__)
@@ -71,20 +70,14 @@ class CaseStore(WithVehicleFiles):
     Raises
     ------
     ValueError
-        If there are no cases, their names differ or the function cannot be pickled.
+        If there are no cases, their names differ, or function or cases cannot be pickled.
     """
 
     def __init__(
         self, folder: Path, function: Function, cases: Sequence[Case], time_limit: float | None, keep_runs: bool
     ) -> None:
         check_names(cases)
-        try:
-            pickle.dumps(function)
-        except Exception as error:
-            raise ValueError(
-                f"sweep.function cannot be given to another process ({error}); use an Experiment or a function at the "
-                "top level of a module."
-            ) from None
+        _check_handed_over(function, cases)
         self.folder, self.function, self.cases, self.names = folder, function, list(cases), list(cases[0])
         self.time_limit, self.keep_runs = time_limit, keep_runs
         self.identity = identity(function)
@@ -158,10 +151,7 @@ class CaseStore(WithVehicleFiles):
             place = self.folder / name
             with self._writing(place):
                 place.mkdir(parents=True, exist_ok=True)
-                with tempfile.TemporaryFile(dir=place) as probe:
-                    probe.write(bytes(2**16))
-                    probe.flush()
-                    os.fsync(probe.fileno())
+                probe_folder(place)
         self.remove_partial_files()
 
     def remove_partial_files(self) -> None:
@@ -453,6 +443,23 @@ class CaseStore(WithVehicleFiles):
 
 class _Torn(ValueError):
     """The file of a case was not written to its end."""
+
+
+def _check_handed_over(function: Function, cases: Sequence[Case]) -> None:
+    """Raise ValueError if other processes cannot be given the function, or a value of a case."""
+    plain = str, bool, int, float, type(None), Path
+    objects = {
+        id(value): (f"sweep.cases: {name} of case {number}", value)
+        for number, case in enumerate(cases) for name, value in case.items() if not isinstance(value, plain)
+    }  # fmt: skip
+    for what, thing in (("sweep.function", function), *objects.values()):
+        try:
+            pickle.dumps(thing)
+        except Exception as error:
+            raise ValueError(
+                f"{what} cannot be given to another process ({error}); use an Experiment or a function at the top "
+                "level of a module, and such functions within them."
+            ) from None
 
 
 def room_needed(function: Any, number: int, keep_runs: bool) -> float:

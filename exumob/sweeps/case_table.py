@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from exumob.simulation.summary import FIGURES
+from exumob.support.identity import spelled
 from exumob.support.provenance import provenance
 from exumob.sweeps.experiment import Experiment
 from exumob.sweeps.sampling import Case
@@ -87,7 +89,7 @@ def _column(values: list[Any]) -> np.ndarray:
         found = np.array(values)
         if found.dtype.kind in "bifu":
             return found
-    return np.array([clean_text(str(value)) for value in values])
+    return np.array([clean_text(str(value) if isinstance(value, str | Path) else spelled(value)) for value in values])
 
 
 def clean_text(text: str) -> str:

@@ -32,6 +32,7 @@ from exumob.support.quantities import DEPTH_RATIO, STEP, Quantity, shown
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import GEOMETRY
 from exumob.vehicle.parameters import Vehicle
+from exumob.vehicle.point_force import PointForce
 from exumob.vehicle.start_pose import AT_ORIGIN, StartPose
 from exumob.water.coefficients import Coefficients
 from exumob.water.conditions import Water
@@ -46,9 +47,9 @@ COMPARED = 20
 """Number of different values of a name that a sweep's line of trust looks at, unless they are numbers."""
 STEPS = ("duration", "micro_step", "macro_step", "record_step", "initial_speed")
 """Fields of the time of a run [s], and the speed with which it begins [m/s]."""
-WHOLE = ("setting", "soil", "maneuver", "hydrodynamics")
+WHOLE = ("setting", "soil", "maneuver", "hydrodynamics", "forces")
 """Names of what is chosen as a whole, mostly by a name of its own."""
-PARTS = ("soil", "water", "maneuver", "hydrodynamics")
+PARTS = ("soil", "water", "maneuver", "hydrodynamics", "forces")
 """Owners of fields; the fields of all others are the vehicle's."""
 RATIO, MEMBER = "water.depth_ratio", "hydrodynamics.member"
 
@@ -61,8 +62,9 @@ class Experiment(Declared):
     ``soil.<field>``, ``water.<field>`` and ``water.depth_ratio`` (over the tyre's diameter; 0: no water), ``maneuver``
     (one of `MANEUVERS`) and ``maneuver.<field>``, ``hydrodynamics`` (one of `MODELS`; sweeps, maps and
     tuning choose one for all cases where it is ``"auto"``), ``hydrodynamics.member`` (one
-    network of the ensemble, by number), ``hydrodynamics.<field>`` of the coefficients, and ``duration``,
-    ``setting``, ``micro_step``, ``macro_step``, ``record_step``, ``initial_speed``.
+    network of the ensemble, by number), ``hydrodynamics.<field>`` of the coefficients, ``forces`` and
+    ``forces.<number>.<field>`` (and ``forces.0.force.<field>`` where the function is a dataclass with ``__call__``),
+    and ``duration``, ``setting``, ``micro_step``, ``macro_step``, ``record_step``, ``initial_speed``.
     """
 
     vehicle: Vehicle
@@ -91,6 +93,8 @@ class Experiment(Declared):
     """Interval between the instants of a result"""
     initial_speed: Annotated[float | None, quantities.INITIAL_SPEED] = None
     """Speed at time 0, all wheels rolling; None: as the maneuver's wheels turn then"""
+    forces: tuple[PointForce, ...] = ()
+    """Forces of the user's own, such as a tow rope"""
     terrain: Terrain = field(default_factory=Terrain)
     """Shape of the ground"""
     start: StartPose = AT_ORIGIN
@@ -110,7 +114,8 @@ class Experiment(Declared):
         if is_dataclass(self.maneuver):
             found += ["maneuver", *(f"maneuver.{n}" for n in _leaves(self.maneuver))]
         return [
-            *found, "hydrodynamics", "hydrodynamics.member", "setting",
+            *found, "forces", *(f"forces.{n}.{name}" for n, force in enumerate(self.forces) for name in _leaves(force)),
+            "hydrodynamics", "hydrodynamics.member", "setting",
             *(f"hydrodynamics.{f.name}" for f in fields(Coefficients)), *STEPS,
         ]  # fmt: skip
 
@@ -146,6 +151,10 @@ class Experiment(Declared):
                 fields_of_run[owner] = _replaced(getattr(changed, owner), parts[owner])
         if "hydrodynamics" in parts:
             fields_of_run["coefficients"] = _replaced(changed.coefficients, parts["hydrodynamics"])
+        if "forces" in parts:
+            fields_of_run["forces"] = tuple(
+                _replaced(force, parts["forces"].get(str(n), _Changes())) for n, force in enumerate(changed.forces)
+            )
         vehicle = fields_of_run.get("vehicle", changed.vehicle)
         water = parts.get("water", _Changes())
         if RATIO in values:
@@ -162,21 +171,17 @@ class Experiment(Declared):
     def value(self, name: str) -> Any:
         """Value that a name has now; if there is no water, ``water.<field>`` is that of the default water."""
         self.check_names([name])
-        owner, _, rest = name.partition(".")
         if name == "water.depth_ratio":
             return 0.0 if self.water is None else self.water.uniform_depth / self.vehicle.wheel.diameter
         if name in ("micro_step", "macro_step") and getattr(self, name) is None:
             return getattr(setting_named(self.setting), name)
         if name == "initial_speed" and self.initial_speed is None:
             return self.maneuver.wheel_speed(0.0)[0] * self.vehicle.wheel.radius
-        if name in ("soil", "maneuver", "hydrodynamics", "setting", *STEPS):
+        if name in (*WHOLE, *STEPS):
             return getattr(self, name)
         if name == "hydrodynamics.member":
             return self.member
-        owners = {
-            "soil": self.soil, "water": self._wet(), "maneuver": self.maneuver, "hydrodynamics": self.coefficients,
-        }  # fmt: skip
-        return attrgetter(rest)(owners[owner]) if owner in owners else attrgetter(name)(self.vehicle)
+        return getattr(self._owner(name), name.rpartition(".")[2])
 
     def check_names(self, names: Iterable[str]) -> None:
         """Raise ValueError if a name is not known."""
@@ -258,18 +263,27 @@ class Experiment(Declared):
         parts = {
             "soil": self.soil, "water": self._wet(), "maneuver": self.maneuver, "hydrodynamics": self.coefficients,
         }  # fmt: skip
-        thing, rest = (parts[owner], rest) if owner in parts else (self.vehicle, name)
+        if owner == "forces":
+            number, _, rest = rest.partition(".")
+            thing: Any = self.forces[int(number)]
+        else:
+            thing, rest = (parts[owner], rest) if owner in parts else (self.vehicle, name)
         above = rest.rpartition(".")[0]
         return attrgetter(above)(thing) if above else thing
 
     def _with_whole(self, name: str, value: Any) -> Experiment:
-        """The experiment with another soil, maneuver, model of the water's loads or setting."""
+        """The experiment with another soil, maneuver, model of the water's loads, setting, or other forces."""
         if name == "soil":
             if not isinstance(value, Soil | str):
                 raise ValueError(f"soil = {shown(value)} must be the name of a published soil, or a Soil.")
             return replace(self, soil=value if isinstance(value, Soil) else Soil.published(value))
         if name == "maneuver":
             return replace(self, maneuver=maneuver_named(value) if isinstance(value, str) else value)
+        if name == "forces":
+            several = [value] if isinstance(value, PointForce) else value
+            if not isinstance(several, list | tuple) or not all(isinstance(one, PointForce) for one in several):
+                raise ValueError(f"forces = {shown(value)} must be a list of PointForce; give it in Python.")
+            return replace(self, forces=tuple(several))
         known = MODELS if name == "hydrodynamics" else tuple(SETTINGS)
         if not isinstance(value, str) or value not in known:
             raise ValueError(f"{name} = {shown(value)} is not known; use {', '.join(map(repr, known))}.")
@@ -307,11 +321,10 @@ class Experiment(Declared):
         """Number of networks in the ensemble that comes with exumob."""
         return len(SurrogateHydrodynamics().networks)
 
-    def network_digests(self) -> str:
-        """Digests of the networks that give the water's loads, as text; empty if none do."""
-        if self.hydrodynamics not in ("auto", "networks"):
-            return ""
-        return " ".join(network.digest() for network in SurrogateHydrodynamics().networks)
+    def beyond_its_fields(self) -> dict[str, str]:
+        """Digests of the networks that give the water's loads, for `exumob.support.identity`; empty if none do."""
+        used = self.hydrodynamics in ("auto", "networks")
+        return {"networks": " ".join(n.digest() for n in SurrogateHydrodynamics().networks) if used else ""}
 
     def with_one_model(self, cases: Sequence[Mapping[str, Any]] = ()) -> Experiment:
         """Choose the model of the water's loads for all cases, so that none differs from another by its model.
@@ -353,6 +366,7 @@ class Experiment(Declared):
             Explicit(),
             steps,
             rolling if self.initial_speed is None else self.initial_speed,
+            self.forces,
             start=self.start,
         )
 
@@ -406,7 +420,7 @@ class Experiment(Declared):
         return simulate(
             self.vehicle, self.soil, self.water, self.maneuver, self.water_model(), duration=self.duration,
             setting=self.setting, micro_step=self.micro_step, macro_step=self.macro_step, record_step=self.record_step,
-            initial_speed=self.initial_speed, terrain=self.terrain, start=self.start,
+            initial_speed=self.initial_speed, forces=self.forces, terrain=self.terrain, start=self.start,
         )  # fmt: skip
 
     def __call__(self, values: Mapping[str, Any]) -> xr.Dataset:
@@ -498,5 +512,8 @@ _FIELDS: dict[type, dict[str, DeclaredField]] = {}
 
 def _fields_of(owner: type) -> dict[str, DeclaredField]:
     if owner not in _FIELDS:
-        _FIELDS[owner] = {f.name: f for f in declared_fields(owner)} if is_dataclass(owner) else {}
+        _FIELDS[owner] = {}
+        if is_dataclass(owner):
+            with contextlib.suppress(NameError):  # a class of the user's whose types are known to type checkers alone
+                _FIELDS[owner] = {f.name: f for f in declared_fields(owner)}
     return _FIELDS[owner]

@@ -266,6 +266,7 @@ def _kill(pool: Any) -> None:
 def _pool(store: CaseStore, numbers: list[int], workers: int, leader: int, sender: Any) -> None:
     """Run cases with `exudyn.processing`, in a process group that the leader can kill as a whole.
 
+    Cases run in processes of their own even if one at a time: this one lives on when a case takes its process with it.
     An error that is none of a case goes to the leader, and ends the process with exit code 1.
     """
     if hasattr(os, "setpgrp"):
@@ -277,9 +278,7 @@ def _pool(store: CaseStore, numbers: list[int], workers: int, leader: int, sende
     from exudyn.processing import ProcessParameterList
 
     try:
-        ProcessParameterList(
-            _Worker(store, os.getpid()), [{"case": n} for n in numbers], workers > 1, numberOfThreads=workers
-        )
+        ProcessParameterList(_Worker(store, os.getpid()), [{"case": n} for n in numbers], True, numberOfThreads=workers)
     except StorageError as error:
         sender.send(("storage", str(error)))
         sys.exit(1)

@@ -24,6 +24,7 @@ from exumob.simulation.cost import TIME_TO_SETTLE, driving_time
 from exumob.simulation.settings import setting_named
 from exumob.support.cost import cores, expected_time, require_memory, spelled_size
 from exumob.support.declared import checked
+from exumob.support.files import require_folder_name
 from exumob.support.quantities import Quantity
 from exumob.sweeps.case_rows import STATUSES, check_names
 from exumob.sweeps.case_store import CaseStore, Function, room_needed
@@ -109,6 +110,7 @@ def sweep(
         If the folder cannot be written or has no room; what has ended is kept, and the same call goes on.
     """
     check_names(cases)
+    require_folder_name("sweep.folder", folder)
     unknown = [status for status in again if status not in STATUSES]
     if unknown:
         raise ValueError(f"sweep.again: {unknown[0]!r} is no status; use {', '.join(STATUSES)}.")

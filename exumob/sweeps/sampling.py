@@ -20,7 +20,7 @@ from exumob.support.arrays import Array
 from exumob.support.checks import require_within
 from exumob.support.cost import require_memory, spelled_size, spelled_time
 from exumob.support.declared import Declared, checked, declared_fields
-from exumob.support.quantities import Quantity, shown
+from exumob.support.quantities import Quantity, Unusual, shown
 
 ANY = Quantity("1", at_least=-1e300, at_most=1e300)
 """A number of any size."""
@@ -253,7 +253,7 @@ def grid(values: Mapping[str, Any]) -> list[Case]:
 def sample(
     number: Annotated[int, Quantity("1", at_least=1.0)], distributions: Mapping[str, Distribution], *,
     method: Method = "sobol", seed: Annotated[int, SEED] = 0,
-    correlations: Mapping[tuple[str, str], float] | None = None,
+    correlations: Mapping[tuple[str, str], float] | None = None, unusual: bool = False,
 ) -> list[Case]:  # fmt: skip
     """Draw cases from distributions.
 
@@ -270,6 +270,9 @@ def sample(
     correlations : mapping, optional
         Correlations by pairs of names: those of the Gaussian variables behind them (a Gaussian copula; Iman & Conover,
         Commun. Stat. B 11 (1982) 311, use the same where only ranks are to be correlated).
+    unusual : bool
+        Let draws lie outside the plausible ranges of their fields, as `exumob.unusual` lets a number; the tails of a
+        distribution may need it. At the command line they pass wherever the median is plausible.
 
     Raises
     ------
@@ -303,7 +306,8 @@ def sample(
     for name, column in zip(names, columns, strict=True):
         if column.dtype.kind == "f" and not np.isfinite(column).all():
             raise ValueError(f"sample: {name} = {distributions[name]} gives values that are not finite; narrow it.")
-    return [{name: _plain(c[row]) for name, c in zip(names, columns, strict=True)} for row in range(number)]
+    plain = _unusual if unusual else _plain
+    return [{name: plain(c[row]) for name, c in zip(names, columns, strict=True)} for row in range(number)]
 
 
 def as_grid(result: xr.Dataset) -> xr.Dataset:
@@ -352,6 +356,11 @@ def _correlated(shares: Array, names: list[str], correlations: Mapping[tuple[str
 def _ordered(owner: str, low: float, high: float) -> None:
     if not low < high:
         raise ValueError(f"{owner}.low = {low} must be below {owner}.high = {high}; exchange them or widen the range.")
+
+
+def _unusual(value: Any) -> Any:
+    """A value that may lie outside its plausible range if it is a float; whole numbers must stay what they are."""
+    return Unusual(value) if isinstance(value, float) else _plain(value)
 
 
 def _plain(value: Any) -> Any:

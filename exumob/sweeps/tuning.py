@@ -25,7 +25,8 @@ import xarray as xr
 from exumob.simulation.result_files import save_dataset
 from exumob.support.declared import Declared, checked
 from exumob.support.errors import SimulationError
-from exumob.support.files import write_text
+from exumob.support.files import require_folder_name, write_text
+from exumob.support.identity import differences, digest, identity
 from exumob.support.processes import end_with_parent
 from exumob.support.provenance import package_version, parameters_json, provenance
 from exumob.support.quantities import Quantity, shown
@@ -33,7 +34,6 @@ from exumob.sweeps.case_rows import case_text
 from exumob.sweeps.case_store import StorageError, storage_remedy
 from exumob.sweeps.experiment import Experiment
 from exumob.sweeps.handing_over import WithVehicleFiles
-from exumob.sweeps.identity import differences, digest, identity
 from exumob.sweeps.sampling import SEED, Case
 
 logger = logging.getLogger(__name__)
@@ -121,6 +121,7 @@ def tune(
         If the folder cannot be written; the evaluations until then are kept.
     """
     _check(experiment, ranges, cases, method)
+    require_folder_name("tune.folder", folder)
     cases = [experiment.typed(case) for case in cases]
     ends = [{name: limits[end] for name, limits in ranges.items()} for end in (0, 1)]
     experiment = experiment.with_one_model([*cases, *ends])

@@ -31,6 +31,9 @@ class PointForce(Declared):
             return 200.0 * max(length - 5.0, 0.0) * rope / length
 
         simulate(vehicle, soil, forces=[PointForce(pull, point=(0.5, 0.0, 0.2))])
+
+    Checkpoints and sweeps know a function by its source and what it holds (`exumob.support.identity`). A dataclass with
+    ``__call__`` in its place has fields that a sweep can vary, ``forces.0.force.stiffness``.
     """
 
     force: Callable[[float, Array, Array], Sequence[float] | Array]

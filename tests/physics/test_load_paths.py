@@ -1,5 +1,6 @@
 """Loads as one vector of generalised forces, and as user loads of Exudyn on each body: the same motion."""
 
+import json
 import math
 
 import numpy as np
@@ -8,6 +9,9 @@ import pytest
 from exumob.driving.maneuver import LaneChange
 from exumob.ground.terrain import Terrain
 from exumob.multibody.system import MultibodyVehicle
+from exumob.simulation.run import simulate
+from exumob.vehicle.point_force import PointForce
+from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
 
@@ -29,6 +33,29 @@ def test_both_paths_move_alike(make, sand):
     assert np.abs(vector.position - functions.position).max() < 1e-8
     assert np.abs(vector.rotation - functions.rotation).max() < 1e-8
     assert np.abs(reactions - their_reactions).max() < 1e-6 * make().mass * 9.81
+
+
+def rope(time, position, velocity):
+    to_post = np.array([4.0, 2.0, 0.4]) - position
+    return 200.0 * time * to_post / np.linalg.norm(to_post) - 20.0 * velocity  # slack at the start
+
+
+def test_both_paths_move_alike_in_water_with_a_rope(vehicle, sand):
+    """From the static equilibrium to the end of a run of `simulate`, which says which path it took."""
+    ends = []
+    for user_loads in (False, True):
+        run = simulate(
+            vehicle, sand, Water.at_ratio(0.6, 0.3), TURN, "coefficients", duration=0.5, setting="fast",
+            forces=[PointForce(rope, (0.5, 0.1, 0.2))], user_loads=user_loads,
+        )  # fmt: skip
+        described = json.loads(run.attrs["parameters"])
+        assert described["user_loads"] is user_loads
+        assert described["forces"][0]["PointForce"]["force"].startswith("rope (")
+        ends.append(run)
+    vector, functions = ends
+    assert np.abs(vector["work"].sel(work_kind="point forces")[-1]) > 1.0
+    for name, within in {"position": 1e-8, "quaternion": 1e-8, "soil_force": 1e-6 * vehicle.mass * 9.81}.items():
+        assert np.abs(vector[name].values - functions[name].values).max() < within, name
 
 
 def test_reactions_equal_those_of_the_multipliers(vehicle, sand):

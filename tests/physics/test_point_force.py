@@ -96,7 +96,7 @@ def test_failing_functions_are_named(force, message, vehicle, sand):
         simulate(vehicle, sand, None, STILL, duration=0.02, forces=[PointForce(force)])
 
 
-def test_bad_descriptions_are_refused(vehicle, sand, tmp_path):
+def test_bad_descriptions_are_refused(vehicle, sand):
     with pytest.raises(ValueError, match="body"):
         PointForce(lifted, body="roof")
     with pytest.raises(ValueError, match="point"):
@@ -105,5 +105,3 @@ def test_bad_descriptions_are_refused(vehicle, sand, tmp_path):
         PointForce("up")
     with pytest.raises((TypeError, ValueError), match="forces"):
         simulate(vehicle, sand, forces=[lifted])
-    with pytest.raises(ValueError, match="leave out checkpoint or forces"):
-        simulate(vehicle, sand, forces=[PointForce(lifted)], checkpoint=tmp_path / "run.npz")

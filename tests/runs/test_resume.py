@@ -21,6 +21,7 @@ from exumob.coupling.strong import Strong
 from exumob.ground.soil import Soil
 from exumob.simulation.run import simulate
 from exumob.support.errors import SimulationError, SimulationInterrupted
+from exumob.vehicle.point_force import PointForce
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 
@@ -178,6 +179,35 @@ def test_checkpoint_of_another_run_is_refused(vehicle, sand, tmp_path, monkeypat
     monkeypatch.setattr(exumob.simulation.checkpoint, "program_digest", lambda: "another")
     with pytest.raises(ValueError, match=r"another run: program differs"):
         simulate(vehicle, sand, WATER, QUICK, **given, resume=True)
+
+
+def tow(time, position, velocity):
+    return 30.0 * (np.array([3.0, 1.0, 0.4]) - position) - 5.0 * velocity
+
+
+def push(time, position, velocity):
+    return 0.0, 0.0, -20.0
+
+
+@pytest.mark.parametrize("user_loads", [False, True])
+def test_a_run_with_forces_goes_on_with_the_same_bits(vehicle, sand, tmp_path, user_loads):
+    """Stopped at 0.06 s; with another function, or the other path of the loads, it is another run."""
+    file = tmp_path / "run.npz"
+
+    def go(force=tow, **options):
+        given = {"forces": [PointForce(force, (0.5, 0.1, 0.2))], "user_loads": user_loads} | options
+        return simulate(
+            vehicle, sand, WATER, QUICK, "coefficients", duration=0.1, micro_step=5e-4, macro_step=1e-2, **given
+        )  # fmt: skip
+
+    single = go()
+    with pytest.raises(SimulationInterrupted):
+        go(checkpoint=file, progress=stopping(0.06))
+    with pytest.raises(ValueError, match=r"another run: forces \(.*was tow, is push.*Resume with what"):
+        go(push, checkpoint=file, resume=True)
+    with pytest.raises(ValueError, match=r"another run: user_loads differs"):
+        go(checkpoint=file, resume=True, user_loads=not user_loads)
+    assert_same(single, go(checkpoint=file, resume=True))
 
 
 def test_unusable_checkpoints_are_named(vehicle, sand, tmp_path):

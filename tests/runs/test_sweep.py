@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from exumob.support.errors import SimulationError
 from exumob.sweeps import grid, sweep
 from exumob.sweeps.case_store import StorageError
 from exumob.sweeps.experiment import amphibious_lane_change
+from exumob.vehicle.point_force import PointForce
 
 HERE = Path(__file__).parent
 
@@ -50,6 +52,8 @@ def faulty(case):
         time.sleep(60.0)
     if how == "die":
         os.kill(os.getpid(), signal.SIGKILL)
+    if how == "exit":
+        os._exit(0)
     if how == "abort":
         os.abort()
     return {"value": 1.0}
@@ -96,6 +100,44 @@ def test_every_fault_becomes_a_row(tmp_path, monkeypatch):
     assert "a hole in the road" in reasons["raise"] and "must be > 0" in reasons["refuse"]
     assert "Newton did not converge" in reasons["break"] and "2 times" in reasons["die"]
     assert np.isnan(result["value"].values[1]) and result["value"].values[0] == 1.0
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("hows", [["no", "die", "exit", "abort", "no"], ["die"]], ids=["several", "alone"])
+def test_cases_that_end_their_process_become_rows(workers, hows, tmp_path):
+    """Also the only case that is left, and where one runs after another."""
+    result = sweep(faulty, [{"how": how, "n": n} for n, how in enumerate(hows)], tmp_path, workers=workers)
+    assert list(result["status"].values) == ["completed" if how == "no" else "killed" for how in hows]
+
+
+def tow(time, position, velocity):
+    return 100.0 * time, 0.0, 0.0
+
+
+@dataclass(frozen=True)
+class Winch:
+    strength: float
+
+    def __call__(self, time, position, velocity):
+        return self.strength * min(time, 0.2), 0.0, 0.0
+
+
+def test_forces_are_swept(tmp_path):
+    """A stronger winch pulls the vehicle further; the same call finds its cases again."""
+    experiment = replace(
+        amphibious_lane_change(), hydrodynamics="coefficients", duration=0.4,
+        forces=[PointForce(Winch(0.0), (0.5, 0.0, 0.1)), PointForce(tow)],
+    )  # fmt: skip
+    cases = grid({"forces.0.force.strength": [0.0, 400.0]})
+    reports = []
+    for _ in range(2):
+        result = sweep(experiment, cases, tmp_path / "winch", progress=reports.append)
+        reached = result["forward"].values
+        assert set(result["status"].values) == {"completed"} and reached[1] > reached[0] + 1e-3
+    assert [report.kept for report in reports][-1] == 2 and "forces of your own 2" in result.attrs["trust"]
+    whole = sweep(experiment, [{"forces": (PointForce(Winch(400.0), (0.5, 0.0, 0.1)), PointForce(tow))}],
+                  tmp_path / "whole")  # fmt: skip
+    assert whole["forward"].item() == reached[1]
 
 
 def test_done_cases_are_not_run_again(tmp_path):

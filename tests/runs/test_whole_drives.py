@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from coupled_runs import run as run_in_flow
 
 from exumob.driving.maneuver import ConstantSteer, LaneChange
 from exumob.driving.path_following import PathFollowing, lane_shift
@@ -70,3 +71,10 @@ def test_the_default_tolerance_is_converged(name, sand, monkeypatch):
     assert apart(tight["position"], default["position"]) < 1e-9
     assert apart(tight["constraint_load"], default["constraint_load"]) < 3e-7 * weight
     assert apart(tight["constraint_load"], loose["constraint_load"]) > 1e-6 * weight
+
+
+def test_user_loads_of_exudyn_move_the_vehicle_alike_in_a_flow(vehicle, sand):
+    vector, functions = (run_in_flow(vehicle, sand, user_loads=user_loads) for user_loads in (False, True))
+    assert np.abs(vector["position"].values - functions["position"].values).max() < 1e-8
+    weight = vehicle.mass * 9.81
+    assert np.abs(vector["water_wrench"].values - functions["water_wrench"].values).max() < 1e-6 * weight

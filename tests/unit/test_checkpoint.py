@@ -1,15 +1,26 @@
 """Checkpoint files: what was written comes back, and whatever is damaged or of another kind is refused by name."""
 
+import functools
 import json
 import logging
 import zipfile
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from damage import damage
 
+from exumob.coupling.explicit import Explicit
+from exumob.driving.maneuver import ConstantSteer
+from exumob.ground.soil import Soil
+from exumob.ground.terrain import Terrain
 from exumob.simulation import checkpoint
 from exumob.simulation.checkpoint import HEAD, Checkpoints, Fingerprint, read, write
+from exumob.simulation.description import RunDescription, Steps
+from exumob.support.provenance import parameters_json
+from exumob.vehicle.point_force import PointForce
+from exumob.water.hydrodynamics import NoWater
+from vehicle_models.amphibious import amphibious_vehicle
 
 FINGERPRINT = Fingerprint({"vehicle": "a", "program": "b"})
 TREE = {
@@ -160,3 +171,92 @@ def test_a_full_disk_during_the_run_is_lived_through(file, monkeypatch, caplog):
     assert "could not be written at 1 s (No space left on device); the run goes on" in caplog.messages[0]
     assert "could be written again at 2 s" in caplog.messages[1]
     assert read(file)[0] == 10 and len(whole) > 0
+
+
+# -- forces of the user's own ------------------------------------------------------------------------------------------
+
+
+def pull(time, position, velocity, stiffness=100.0):
+    return -stiffness * position
+
+
+def push(time, position, velocity):
+    return 100.0 * position
+
+
+def rope(stiffness):
+    return lambda time, position, velocity: -stiffness * position
+
+
+@dataclass(frozen=True)
+class Winch:
+    strength: float
+
+    def __call__(self, time, position, velocity):
+        return self.strength, 0.0, 0.0
+
+
+def fingerprint(*forces, **options):
+    run = RunDescription(
+        amphibious_vehicle(), Soil.published("LETE sand"), None, Terrain(), ConstantSteer(), NoWater(), Explicit(),
+        Steps(0.1, 1e-3, 0.02, 0.01), 0.0, forces, **options,
+    )  # fmt: skip
+    parameters_json(run.parts())
+    return Fingerprint.of(run)
+
+
+FORCES = {
+    "function": lambda: PointForce(pull),
+    "another": lambda: PointForce(push),
+    "place": lambda: PointForce(pull, point=(0.1, 0.0, 0.3)),
+    "body": lambda: PointForce(pull, body="rear_left"),
+    "default": lambda: PointForce(functools.partial(pull, stiffness=50.0)),
+    "closure": lambda: PointForce(rope(1.0)),
+    "another closure": lambda: PointForce(rope(2.0)),
+    "object": lambda: PointForce(Winch(1.0)),
+    "another object": lambda: PointForce(Winch(2.0)),
+    "lambda": lambda: [PointForce(lambda t, x, v: 1.0 * x), PointForce(lambda t, x, v: 2.0 * x)][0],
+    "lambda of the same line": lambda: [PointForce(lambda t, x, v: 1.0 * x), PointForce(lambda t, x, v: 2.0 * x)][1],
+}  # fmt: skip
+
+
+def test_forces_are_told_from_each_other(tmp_path):
+    """The same again is the same; every two of them differ, and nothing else does."""
+    kinds = list(FORCES.values())
+    texts = [fingerprint(make()).parts["forces"] for make in kinds]
+    assert [fingerprint(make()).parts["forces"] for make in kinds] == texts
+    assert len(set(texts)) == len(texts)
+    for one, other, said in (
+        ("function", "another", r"forces \(\[0\]\.force was pull, is push; .*\) differs"),
+        ("object", "another object", r"forces \(\[0\]\.force\.strength was 1\.0, is 2\.0\) differs"),
+        ("function", "place", r"forces \(\[0\]\.point\[0\] was 0\.0, is 0\.1\) differs"),
+        ("lambda", "lambda of the same line", r"forces \(source of test_checkpoint.* differs"),
+    ):
+        file = tmp_path / f"{one}.npz"
+        write(file, 7, TREE, fingerprint(FORCES[one]()))
+        Checkpoints(file, fingerprint(FORCES[one]()), resume=True)
+        with pytest.raises(ValueError, match=rf"belongs to another run: {said}\. Resume with what it was made with"):
+            Checkpoints(file, fingerprint(FORCES[other]()), resume=True)
+
+
+def test_user_loads_and_a_force_more_are_another_run():
+    one = fingerprint(PointForce(pull))
+    assert one.differences(fingerprint(PointForce(pull), user_loads=True).parts) == ["user_loads"]
+    (found,) = one.differences(fingerprint().parts)
+    assert found.startswith("forces (")
+    assert one.differences(one.parts | {"forces": "torn"}) == ["forces"]
+
+
+def test_forces_are_described_without_being_copied():
+    """What a user's function holds may not allow it; a result names the function, or the fields of a dataclass."""
+
+    class Held:
+        def __deepcopy__(self, memo):
+            raise TypeError("held")
+
+        def __call__(self, time, position, velocity):
+            return position
+
+    described = json.loads(parameters_json({"f": [PointForce(Held()), PointForce(Winch(3.0)), PointForce(pull)]}))["f"]
+    held, winch, function = (one["PointForce"]["force"] for one in described)
+    assert held == "Held" and winch == {"strength": 3.0} and function.startswith("pull (")

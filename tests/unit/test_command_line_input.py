@@ -315,6 +315,16 @@ def test_what_is_given_twice_is_refused(arguments, message, tmp_path, monkeypatc
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("arguments", [["sweep", "--vary", "hull.mass=49,50"], ["map"]])
+@pytest.mark.parametrize("name", ["x.nc", "x.csv"])
+def test_a_folder_with_the_name_of_a_file_is_refused(arguments, name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    answer = call(*arguments, "--output", name)
+    said = plain(answer.output)
+    assert answer.exit_code == 2 and f" {name}: this is to be a folder, and {name[1:]} is the ending" in said, said
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_angles_that_are_given_in_radians_are_noticed(capsys):
     """Four digits of a common angle in radians; angles that people give in degrees are none of them."""
     for angle in map(math.radians, COMMON_ANGLES):

@@ -313,6 +313,16 @@ def test_kernels_that_are_kept_are_told_from_those_that_are_not(kernel):
     assert not compiled.is_compiled(kernel(DOUBLE.replace("2.0 * x", "x + x")))
 
 
+def test_what_cannot_be_kept_is_not_said_to_be(kernel, caplog, monkeypatch):
+    monkeypatch.setattr(compiled, "_said", set())
+    compiled.say_compilation("the flow solver", kernel(DOUBLE.replace("(cache=True)", "")), "two minutes")
+    monkeypatch.setenv(compiled.VARIABLE, "/tmp/exumob-kernels-abc")
+    compiled.say_compilation("the vehicle model", kernel(DOUBLE), "half a minute")
+    unkept, private = (record.message for record in caplog.records)
+    assert "every process compiles anew" in unkept and "set NUMBA_CACHE_DIR" in private
+    assert "is kept, later runs" not in unkept + private
+
+
 def test_compilation_is_said_once(kernel, caplog, monkeypatch):
     monkeypatch.setattr(compiled, "_said", set())
     for _ in range(2):

@@ -310,6 +310,19 @@ def test_paths_of_a_study_file_count_from_its_folder(tmp_path):
     assert read_study(file)[0].vehicle.hull.mesh == tmp_path / "hull.stl"
 
 
+def test_unusual_draws_pass_if_that_is_said():
+    """As at the command line; whole numbers and names stay what they are."""
+    experiment = amphibious_lane_change()
+    drawn = {
+        "water.density": Normal(13_534.0, 10.0), "hydrodynamics.member": Choice((0, 1)), "hull.mass": Choice((0.002,)),
+    }  # fmt: skip
+    plain, marked = (sample(4, drawn, seed=1, unusual=unusual) for unusual in (False, True))
+    assert plain == marked and {type(case["hydrodynamics.member"]) for case in marked} == {int}
+    with pytest.raises(ValueError, match="plausible"):
+        _check_cases(experiment, plain)
+    _check_cases(experiment, marked)
+
+
 def test_unusual_values_pass_if_that_is_said(tmp_path):
     file = tmp_path / "study.toml"
     text = "base.water.density = 13534.0\nvary.water.current_speed = [0.0, 18.0]\n"

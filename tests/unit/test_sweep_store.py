@@ -5,6 +5,7 @@ import functools
 import importlib
 import json
 import os
+import re
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,12 +17,16 @@ import pytest
 import xarray as xr
 
 from exumob.driving.maneuver import Recorded
-from exumob.sweeps import case_store, sweep
+from exumob.flow.output.vtk import VtkSeries
+from exumob.support.files import require_folder_name
+from exumob.support.identity import digest, identity
+from exumob.sweeps import case_store, sweep, tune
 from exumob.sweeps.case_rows import case_text, fault_of_result
 from exumob.sweeps.case_store import CaseStore, StorageError
 from exumob.sweeps.experiment import amphibious_lane_change
-from exumob.sweeps.identity import digest, identity
 from exumob.sweeps.run import _check_cases
+from exumob.vehicle.point_force import PointForce
+from exumob.water.hydrodynamics import NoWater
 
 
 @pytest.fixture
@@ -533,3 +538,116 @@ def test_combinations_that_do_not_fit_become_rows_with_a_warning(caplog):
 def test_results_of_a_wrong_kind_are_named(found, word):
     assert word in fault_of_result(found, ["x"])
     assert not fault_of_result({"y": np.float32(1.0), "word": "drives", "z": float("nan")}, ["x"])
+
+
+# -- forces of the user's own ------------------------------------------------------------------------------------------
+
+TOWING = """
+from dataclasses import dataclass
+
+@dataclass(frozen=True)
+class Rope:
+    stiffness: float = 100.0
+    def __call__(self, time, position, velocity):
+        return -{} * self.stiffness * position
+
+def gust(time, position, velocity):
+    return 0.0, {} * 10.0, 0.0
+"""
+
+
+def towed(module, stiffness=100.0):
+    rope = PointForce(module.Rope(stiffness), point=(0.5, 0.0, 0.2))
+    return replace(amphibious_lane_change(), forces=[rope, PointForce(module.gust)])
+
+
+def test_fields_of_a_force_are_names(written):
+    module = written(TOWING.format(1, 1))
+    experiment = towed(module)
+    names = {"forces.0.force.stiffness": 200.0, "forces.0.point": (0.1, 0.0, 0.3), "forces.1.body": "rear_left"}
+    changed = experiment.with_values(names)
+    assert {name: changed.value(name) for name in names} == names
+    assert changed.forces[0].force == module.Rope(200.0) and changed.forces[1].force is module.gust
+    assert experiment.with_values({"forces": [PointForce(module.gust)]}).forces == (PointForce(module.gust),)
+    assert experiment.with_values({"forces": ()}).description(NoWater()).forces == ()
+    assert changed.description(NoWater()).forces == changed.forces
+    for bad, message in (
+        ({"forces.2.body": "hull"}, "'forces.2.body' is not known; did you mean forces.1.body"),
+        ({"forces.0.force.length": 1.0}, "is not known"),
+        ({"forces.1.body": "roof"}, "body"),
+        ({"forces.0.point": (99.0, 0.0, 0.0)}, "plausible"),
+        ({"forces": module.gust}, "must be a list of PointForce"),
+        ({"forces": "gust"}, "must be a list of PointForce; give it in Python"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            experiment.with_values(bad)
+
+
+def test_another_force_is_another_sweep(written, tmp_path):
+    prepare(tmp_path / "sweep", towed(written(TOWING.format(1, 1))), [{"hull.mass": 49.0}])
+    prepare(tmp_path / "sweep", towed(written(TOWING.format(1, 1))), [{"hull.mass": 49.0}])
+    with pytest.raises(ValueError, match=r"forces\[0\]\.force\.stiffness was 100\.0, is 50\.0"):
+        prepare(tmp_path / "sweep", towed(written(TOWING.format(1, 1)), 50.0), [{"hull.mass": 49.0}])
+    for changed in ((2, 1), (1, 2)):
+        with pytest.raises(ValueError, match=r"before its source was changed; .*of_a_user\.(Rope|gust)"):
+            prepare(tmp_path / "sweep", towed(written(TOWING.format(*changed))), [{"hull.mass": 49.0}])
+
+
+def test_a_case_with_another_force_is_another_case(written, tmp_path):
+    """Of the same name, which a text of the function alone would not show."""
+
+    def cases(factor):
+        module = written(TOWING.format(1, factor))
+        return [{"forces": (PointForce(module.gust),)}, {"forces": ()}]
+
+    store = CaseStore(tmp_path / "sweep", square, cases(1), None, False)
+    store.prepare([])
+    store.end(0, "completed", "", 1.0, {"y": 1.0})
+    store.end(1, "completed", "", 1.0, {"y": 2.0})
+    first = store.gather()
+    assert len(set(first["forces"].values)) == 2 and " at 0x" not in str(first["forces"].values)
+    again = CaseStore(tmp_path / "sweep", square, cases(1), None, False)
+    again.prepare([])
+    assert again.ended() == {0, 1} and list(again.gather()["forces"].values) == list(first["forces"].values)
+    with pytest.raises(ValueError, match="other cases"):
+        prepare(tmp_path / "sweep", square, cases(2))
+    (tmp_path / "sweep" / "sweep.json").unlink()
+    with pytest.raises(ValueError, match=r"0\.json is another case: forces was"):
+        prepare(tmp_path / "sweep", square, cases(2))
+
+
+def test_forces_that_cannot_be_handed_over_are_named(tmp_path):
+    local = PointForce(lambda time, position, velocity: position)
+    with pytest.raises(ValueError, match=r"sweep\.function cannot be given to another process .*top level of a module"):
+        sweep(replace(amphibious_lane_change(), forces=[local]), [{"hull.mass": 49.0}], tmp_path)
+    with pytest.raises(ValueError, match=r"sweep\.cases: forces of case 1 cannot be given to another process"):
+        sweep(amphibious_lane_change(), [{"forces": ()}, {"forces": (local,)}], tmp_path)
+
+
+def test_a_class_whose_types_are_not_there_declares_nothing(written):
+    text = "from __future__ import annotations\n" + TOWING.format(1, 1).replace("stiffness: float", "stiffness: Unit")
+    experiment = towed(written(text))
+    assert experiment.declaration("forces.0.force.stiffness") is None
+    assert experiment.meaning("forces.0.force.stiffness") == ("1", "forces.0.force.stiffness")
+    assert experiment.typed({"forces.0.force.stiffness": 3.0}) == {"forces.0.force.stiffness": 3.0}
+
+
+# -- names of folders --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["sweep.nc", "sweep.NC", "sweep.csv", "run.npz", "map.png", "study.toml"])
+def test_a_folder_with_the_name_of_a_file_is_refused(name, tmp_path):
+    calls = {
+        "sweep.folder": lambda: sweep(square, [{"x": 1.0}], tmp_path / name),
+        "tune.folder": lambda: tune(
+            amphibious_lane_change(), {"hull.mass": (45.0, 50.0)}, square, tmp_path / name
+        ),
+        "VtkSeries.folder": lambda: VtkSeries(tmp_path / name, amphibious_lane_change().vehicle),
+    }  # fmt: skip
+    for said, call in calls.items():
+        with pytest.raises(ValueError, match=rf"{said} .*{re.escape(name)}: this is to be a folder, and"):
+            call()
+    assert not list(tmp_path.iterdir())
+    require_folder_name("folder", tmp_path / "cohesion_0.5")
+    (tmp_path / "old.nc").mkdir()
+    require_folder_name("folder", tmp_path / "old.nc")  # it goes on there

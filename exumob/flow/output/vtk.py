@@ -23,7 +23,7 @@ from exumob.flow.solver import FlowSolver
 from exumob.support.arrays import Array
 from exumob.support.cost import require_disk
 from exumob.support.declared import checked
-from exumob.support.files import atomic_write
+from exumob.support.files import atomic_write, require_folder_name
 from exumob.vehicle.parameters import Vehicle
 
 BYTES_PER_CELL = 24.0
@@ -55,6 +55,7 @@ class VtkSeries:
     def __init__(self, folder: Path, vehicle: Vehicle) -> None:
         """Check the folder; see the class."""
         self.folder = folder
+        require_folder_name("VtkSeries.folder", folder)
         if self.folder.exists() and not self.folder.is_dir():
             raise ValueError(f"VtkSeries.folder = {folder} is a file; give a folder.")
         if not self.folder.parent.is_dir():

@@ -1,8 +1,9 @@
-"""What distinguishes one sweep from another: the values that its function holds, the files that they name, the code.
+"""What tells one function of a user from another: the values that it holds, the files that they name, the code.
 
 Values become texts by dotted name, so that an error can say what differs. Arrays count with all of their elements,
 files with their contents. Of the code, that of exumob counts as a whole; of the user's own the function counts, with
 every function, class, constant and module of the user that it names, its default arguments and what it closes over.
+What neither Python source nor values tell apart (compiled extensions, the state of other processes) does not count.
 """
 
 from __future__ import annotations
@@ -23,11 +24,8 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
-from exumob.simulation.checkpoint import program_digest
 from exumob.support.files import PACKAGE
-from exumob.sweeps.experiment import Experiment
 
 LONGEST = 80
 """Length of a text beyond which its digest stands for it."""
@@ -52,11 +50,34 @@ class Identity:
 
 
 def identity(function: Any) -> Identity:
-    """Find out what a function is: its name, what it holds or is bound to, its code."""
-    found = Identity()
-    _Walk(found).value(function, "")
-    found.code["exumob"] = _program()
+    """Find out what a function is: its name, what it holds or is bound to, its code, and exumob itself."""
+    found = users_identity(function)
+    found.code["exumob"] = program_digest()[:16]
     return found
+
+
+def users_identity(thing: Any) -> Identity:
+    """Find out what an object of any kind is; of the code that of the user alone."""
+    found = Identity()
+    _Walk(found).value(thing, "")
+    return found
+
+
+def spelled(value: Any) -> str:
+    """Text of a value without addresses; where code of the user belongs to it, with a digest of all that it is."""
+    found = users_identity(value)
+    if not found.code:
+        return stable_repr(value)
+    return f"{stable_repr(value)} ({digest(found.values_digest() + found.code_digest())})"
+
+
+@functools.cache
+def program_digest() -> str:
+    """Digest of the package's sources, as they were when it was first asked for."""
+    found = hashlib.sha256()
+    for file in sorted(PACKAGE.rglob("*.py")):
+        found.update(file.relative_to(PACKAGE).as_posix().encode() + file.read_bytes())
+    return found.hexdigest()
 
 
 def digest(text: str) -> str:
@@ -116,8 +137,8 @@ class _Walk:
             self._add(path, f"array {thing.dtype} {thing.shape} {contents}")
         elif isinstance(thing, Path):
             self._add(path, file_text(thing))
-        elif isinstance(thing, xr.Dataset | xr.DataArray):
-            whole = thing if isinstance(thing, xr.Dataset) else thing.to_dataset(name="values")
+        elif _is_labelled(thing):
+            whole = thing.to_dataset(name="values") if hasattr(thing, "to_dataset") else thing
             self._add(path, type(thing).__name__)
             self._parts(path, ((f"[{name!r}]", whole[name].values) for name in sorted(whole.variables, key=str)))
         elif isinstance(thing, Mapping):
@@ -152,8 +173,9 @@ class _Walk:
     def _object(self, thing: Any, path: str) -> None:
         self._add(path, type(thing).__qualname__)
         self.code(type(thing))
-        if isinstance(thing, Experiment):
-            self._add(f"{path}.networks".lstrip("."), thing.network_digests())
+        if callable(beyond := getattr(type(thing), "beyond_its_fields", None)):
+            for name, text in beyond(thing).items():
+                self._add(f"{path}.{name}".lstrip("."), text)
         if is_dataclass(thing):
             self._parts(path, ((f.name, getattr(thing, f.name)) for f in fields(thing)))
         elif isinstance(parameters := getattr(thing, "parameters", None), dict):
@@ -263,7 +285,7 @@ def _bound_to(thing: Any) -> Iterator[tuple[str, Any]]:
 
 def _counts(thing: Any) -> bool:
     """Whether something at the top level of a module tells one sweep from another."""
-    if isinstance(thing, ModuleType | type | functools.partial | xr.Dataset | xr.DataArray | set | frozenset):
+    if isinstance(thing, ModuleType | type | functools.partial | set | frozenset) or _is_labelled(thing):
         return True
     return inspect.isroutine(thing) or _is_data(thing) or _is_users_own(type(thing))
 
@@ -280,6 +302,12 @@ def _names(code: CodeType) -> Iterator[str]:
             yield from _names(constant)
 
 
+def _is_labelled(thing: Any) -> bool:
+    """Whether something is a Dataset or DataArray; nothing is before xarray is loaded, which takes its time."""
+    xarray = sys.modules.get("xarray")
+    return xarray is not None and isinstance(thing, xarray.Dataset | xarray.DataArray)
+
+
 def _is_data(thing: Any) -> bool:
     return isinstance(
         thing, bool | int | float | complex | str | bytes | list | tuple | dict | Path | np.ndarray | np.generic
@@ -287,19 +315,31 @@ def _is_data(thing: Any) -> bool:
 
 
 def source(thing: Any) -> str:
-    """Source of a function, class or module, or of its whole module where Python does not find it; else empty."""
+    """Source of a function, class or module, or of its whole module where Python does not find it; else empty.
+
+    Of a function that shares its lines with others (a lambda), or whose own lines are not found, the instructions, too.
+    """
     with contextlib.suppress(OSError, TypeError):  # that of a wrapper, not of what it wraps
-        return inspect.getsource(thing.__code__ if isinstance(thing, FunctionType) else thing)
+        found = inspect.getsource(thing.__code__ if isinstance(thing, FunctionType) else thing)
+        return found + _instructions(thing) if getattr(thing, "__name__", "") == "<lambda>" else found
     with contextlib.suppress(OSError, TypeError):
-        return Path(inspect.getfile(sys.modules.get(getattr(thing, "__module__", ""), thing))).read_text("utf-8")
-    return ""
+        module = sys.modules.get(getattr(thing, "__module__", None) or "", thing)
+        return Path(inspect.getfile(module)).read_text("utf-8") + _instructions(thing)
+    return _instructions(thing)
+
+
+def _instructions(thing: Any) -> str:
+    """What a function does, as this version of Python has compiled it; empty if it is no function."""
+    code = thing.__code__ if isinstance(thing, FunctionType) else thing
+    if not isinstance(code, CodeType):
+        return ""
+    held = [
+        repr(sorted(map(repr, part))) if isinstance(part, frozenset) else _instructions(part) or repr(part)
+        for part in code.co_consts
+    ]
+    return f"{code.co_code.hex()} {code.co_names} {held}"
 
 
 def stable_repr(thing: Any) -> str:
     """The repr of an object without addresses, which change from run to run."""
     return re.sub(r" at 0x[0-9a-fA-F]+", "", repr(thing))
-
-
-@functools.cache
-def _program() -> str:
-    return program_digest()[:16]
