@@ -13,7 +13,7 @@ import os
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import xarray as xr
@@ -36,11 +36,6 @@ CELL_SIZE = 0.018
 """Size of the cells round the vehicle in the runs of the data set [m].
 
 The gap beside a wheel at full lock has 1.3 cells; two would be needed to resolve it."""
-COURANT = 0.5
-"""Courant number at which the flow divides its steps in them [-]: the largest at which the transport of the fraction
-stays bounded. Macro steps that follow the flow keep to nine tenths of it."""
-MICRO_STEP = 2.5e-4
-"""Step of the vehicle in them [s]."""
 SOIL = "LETE sand"
 """Published soil on which the vehicle drives."""
 SNAPSHOT_INTERVAL = 0.1
@@ -60,7 +55,7 @@ class FlowRun:
     """Size of the cells round the vehicle [m]"""
     doubled: bool = False
     """The window of the flow reaches twice as far from the vehicle"""
-    macro_step: float | FollowFlow = field(default_factory=lambda: FollowFlow(courant=0.9 * COURANT))
+    macro_step: float | FollowFlow = 1e-3
     """Interval at which vehicle and water exchange motion and loads [s]"""
     duration: float = 8.0
     """Simulated time [s]"""
@@ -72,7 +67,8 @@ class FlowRun:
     def name(self) -> str:
         """Name of the run as part of a file's name: the scenario, and settings other than the default."""
         window = "_doubled" if self.doubled else ""
-        step = "" if isinstance(self.macro_step, FollowFlow) else f"_{1e3 * self.macro_step:g}ms"
+        step = "_following" if isinstance(self.macro_step, FollowFlow) else f"_{1e3 * self.macro_step:g}ms"
+        step = "" if self.macro_step == 1e-3 else step
         hold = f"_hold{self.hold:g}s" if self.hold != FlowSpinUp.hold else ""
         return f"{self.scenario.file_stem}_{1e3 * self.cell_size:g}mm{window}{step}{hold}"
 
@@ -112,13 +108,13 @@ class FlowRun:
         water = self.scenario.water(vehicle)
         grid = (doubled_window if self.doubled else vehicle_window)(vehicle, self.cell_size, water)
         flow = BuiltInFlow(
-            self.cell_size, grid=grid, settings=FlowSettings(threads=1, courant=COURANT),
-            allow_coarse=True, snapshots=SNAPSHOT_INTERVAL,
+            self.cell_size, grid=grid, settings=FlowSettings(threads=1), allow_coarse=True, snapshots=SNAPSHOT_INTERVAL
         )  # fmt: skip
         result = simulate(
             vehicle, Soil.published(SOIL), water, self.scenario.maneuver(),
             CfdHydrodynamics(flow, spin_up=FlowSpinUp(hold=self.hold), progress=progress), duration=self.duration,
-            micro_step=MICRO_STEP, macro_step=self.macro_step, record_step=1e-3, checkpoint=work / f"{self.name}.npz",
+            setting="fine", micro_step=self.macro_step.unit if isinstance(self.macro_step, FollowFlow) else None,
+            macro_step=self.macro_step, record_step=1e-3, checkpoint=work / f"{self.name}.npz",
             resume=True, progress=progress,
         )  # fmt: skip
         return save_dataset(result.assign_attrs(scenario=self.scenario.name), whole)

@@ -18,7 +18,6 @@ import numpy as np
 from exumob.coupling.explicit import Explicit
 from exumob.coupling.flow_code import BuiltInFlow
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
-from exumob.coupling.macro_step import FollowFlow
 from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.driving.maneuver import ConstantSteer, LaneChange
 from exumob.ground.soil import Soil
@@ -298,8 +297,8 @@ def _departures(
     if in_loop:
         if _is_straight(run):
             yield Departure("maneuver", ("straight ahead",), "lane change")
-        usual_steps = setting_named(DEFAULT_SETTING)
-        most = {"micro_step": usual_steps.flow_micro_step, "macro_step": FollowFlow().longest}
+        micro_step, macro_step = setting_named(DEFAULT_SETTING).steps(flow_in_loop=True)
+        most = {"micro_step": micro_step, "macro_step": macro_step}
         yield from _step_departures(run.steps.micro_step, run.steps.longest_macro_step, most)
         code = getattr(model, "flow", None)
         size = float(getattr(code, "cell_size", math.nan))

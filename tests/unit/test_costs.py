@@ -199,7 +199,7 @@ def test_the_flow_in_the_loop_says_what_it_takes(caplog, sand, scheme, words):
     with caplog.at_level(logging.INFO, "exumob.support.cost"), pytest.raises(Stopped):
         simulate(VEHICLE, sand, WATER, lane_change(), model, coupling=scheme)
     (said,) = [r.message for r in caplog.records if r.name == "exumob.support.cost"]
-    assert "32,000 steps of the vehicle, 407,484 cells" in said
+    assert "16,000 steps of the vehicle, 407,484 cells" in said
     assert f" {words}, if no other program" in said
 
 

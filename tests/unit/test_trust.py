@@ -12,7 +12,6 @@ import pytest
 
 from exumob.coupling.explicit import Explicit
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
-from exumob.coupling.macro_step import FollowFlow
 from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.coupling.strong import Strong
 from exumob.driving.maneuver import ConstantSteer, Recorded, lane_change
@@ -213,7 +212,7 @@ def test_what_lies_beyond_is_named_with_what_was_measured(change, text):
 
 LOOP = replace(
     RUN, hydrodynamics=CfdHydrodynamics(cell_size=0.018), coupling=SemiImplicit(),
-    steps=replace(RUN.steps, micro_step=2.5e-4, macro_step=FollowFlow()),
+    steps=replace(RUN.steps, micro_step=5e-4, macro_step=2e-3),
 )  # fmt: skip
 
 
@@ -225,7 +224,7 @@ LOOP = replace(
         ({"maneuver": lane_change(math.radians(15.0))}, "steering 15 deg (30 deg)"),
         ({"maneuver": ConstantSteer()}, "maneuver straight ahead (lane change)"),
         ({"coupling": Explicit()}, "coupling Explicit (SemiImplicit)"),
-        ({"steps": replace(LOOP.steps, macro_step=0.02)}, "macro step 20 ms (4 ms)"),
+        ({"steps": replace(LOOP.steps, macro_step=0.02)}, "macro step 20 ms (2 ms)"),
     ],
 )  # fmt: skip
 def test_flow_in_the_loop_was_repeated_in_one_run_only(change, text):
