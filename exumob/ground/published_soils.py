@@ -51,3 +51,14 @@ SOIL_CLASSES = {
     "planetary": (0.010, 0.40, 0.15, "c1, c2 after Ishigami et al. (J. Field Robotics 24 (2007) 233)"),
 }  # fmt: skip
 """Values for what the source of a soil does not give; (c1, c2) are published for none of the 23 soils themselves."""
+
+WETTER = {
+    "Sandy loam 15 %": "Sandy loam 22 %", "Sandy loam 11 %": "Sandy loam 23 %", "Sandy loam 26 %": "Sandy loam 32 %",
+    "Clayey soil 38 %": "Clayey soil 55 %", "Heavy clay 25 %": "Heavy clay 40 %", "Lean clay 22 %": "Lean clay 32 %",
+}  # fmt: skip
+"""Soils that the same laboratory also measured at a higher moisture (they follow each other in the table), and which
+soil of the table that is. No source of the table gives any soil saturated, as it is under water."""
+MEASURED_DRY = ("Dry sand (Land Locomotion Lab)", "LETE sand")
+"""Sands without a moisture in the table: air-dry."""
+NOT_UNDER_WATER = ("Snow (US)", "Snow (Harrison)", "Snow (Sweden)", "DLR Mars simulant", "Lunar soil")
+"""Of which nothing under water is measured."""

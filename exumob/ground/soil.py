@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from exumob.ground.published_soils import SOIL_CLASSES, WONG_TABLE
+from exumob.ground.published_soils import MEASURED_DRY, NOT_UNDER_WATER, SOIL_CLASSES, WETTER, WONG_TABLE
 from exumob.support.declared import Declared, checked
 from exumob.support.quantities import ImplausibleValue, Quantity, Unusual, shown
 
@@ -192,6 +193,26 @@ class PublishedSoil(NamedTuple):
     """True: K stands in the source; False: chosen by the rule in `source`"""
     source: str
     """The origin of each value, in words"""
+
+    @property
+    def moisture(self) -> float:
+        """Moisture at which it was measured [-], over the dry mass; 0: dry, nan: not said."""
+        found = re.search(r"(\d+) %$", self.name)
+        if found is not None:
+            return 0.01 * float(found[1])
+        return 0.0 if self.name in MEASURED_DRY else math.nan
+
+    @property
+    def under_water(self) -> str:
+        """How far its values hold under water, where soil is saturated, in words; no source measured it so."""
+        if self.name in NOT_UNDER_WATER:
+            return "was never measured under water"
+        if self.moisture == 0.0:
+            return "was measured dry"
+        measured = f"was measured at {100.0 * self.moisture:.0f} % moisture"
+        if self.name in WETTER:
+            return f"{measured}; {WETTER[self.name]!r} is the same soil wetter"
+        return f"{measured}, the wettest published"
 
 
 def _kilo(text: str) -> float:

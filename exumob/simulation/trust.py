@@ -481,8 +481,18 @@ def _soil_line(runs: Sequence[RunDescription]) -> str:
     return (
         f"Soil: {'your own' if own else 'published'} values ({named}), {'flat' if flat else 'given terrain'}; "
         f"{_percents(wheel['error_low'], wheel['error_high'])} of the load off on one measured wheel, up to "
-        f"{wheel['side_slip_deg']:g} deg of side slip."
+        f"{wheel['side_slip_deg']:g} deg of side slip.{_soil_under_water(runs)}"
     )
+
+
+def _soil_under_water(runs: Sequence[RunDescription]) -> str:
+    """Say at which moisture a published soil that is under water was measured."""
+    wet = {run.soil.name for run in runs if run.water is not None and _is_published(run.soil)}
+    said = [f"{row.name} {row.under_water}" for row in Soil.published_table() if row.name in wet]
+    if not said:
+        return ""
+    more = f", and {len(said) - 1} more likewise" if len(said) > 1 else ""
+    return f" Under water soil is saturated: {said[0]}{more}."
 
 
 def _is_published(soil: Soil) -> bool:

@@ -1,10 +1,12 @@
 """Soil: units, published table, bad input."""
 
+import itertools
 import math
 from dataclasses import fields, replace
 
 import pytest
 
+from exumob.ground.published_soils import WETTER
 from exumob.ground.soil import WIDEST_PUBLISHED, Soil
 from exumob.support.quantities import ImplausibleValue, unusual
 
@@ -120,3 +122,30 @@ def test_swapped_moduli_are_refused_and_published_ones_are_far_from_it(row):
         assert replace(soil, **change).k_c == k_c
     assert replace(soil, k_c=k_c, k_phi=0.0).k_phi == 0.0
     assert replace(soil, k_c=12.0).k_c == 12.0
+
+
+# -- under water -------------------------------------------------------------------------------------------------------
+
+
+def test_published_soils_say_at_which_moisture_they_were_measured():
+    rows = {row.name: row for row in Soil.published_table()}
+    assert rows["Sandy loam 15 %"].moisture == pytest.approx(0.15)
+    assert rows["LETE sand"].moisture == 0.0
+    assert math.isnan(rows["Lunar soil"].moisture)
+    assert rows["Sandy loam 15 %"].under_water == (
+        "was measured at 15 % moisture; 'Sandy loam 22 %' is the same soil wetter"
+    )
+    assert rows["Sandy loam 22 %"].under_water.endswith("22 % moisture, the wettest published")
+    assert rows["LETE sand"].under_water == "was measured dry"
+    assert all(row.under_water for row in rows.values())
+
+
+def test_a_wetter_variant_is_the_next_one_of_its_kind_in_the_table():
+    """Wetter is not always softer: of 11 and 23 % the wetter sandy loam sinks less under 50 kPa."""
+    rows = list(Soil.published_table())
+    for row, following in itertools.pairwise(rows):
+        if row.name in WETTER:
+            assert following.name == WETTER[row.name]
+            assert following.moisture > row.moisture
+            assert following.name.rsplit(" ", 2)[0] == row.name.rsplit(" ", 2)[0]
+    assert len(WETTER) == 6

@@ -124,6 +124,14 @@ def test_dry_ground_rests_on_soil_and_steps():
     assert trust_of(replace(RUN, water=None, vehicle=OTHER, hydrodynamics=NoWater())).status == "beyond"
 
 
+def test_soil_under_water_says_at_which_moisture_it_was_measured():
+    assert "LETE sand was measured dry" in trust_of(RUN).line
+    loam = trust_of(replace(RUN, soil=Soil.published("Sandy loam 15 %"))).line
+    assert "measured at 15 % moisture; 'Sandy loam 22 %' is the same soil wetter" in loam
+    assert "Under water" not in trust_of(replace(RUN, water=None, hydrodynamics=NoWater())).line
+    assert "Under water" not in trust_of(replace(RUN, soil=replace(RUN.soil, cohesion=2e3))).line
+
+
 def test_flow_in_the_loop_says_how_well_it_repeats():
     found = trust_of(LOOP)
     assert (found.model, found.status) == ("flow in the loop", "measured")
