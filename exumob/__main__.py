@@ -1,4 +1,4 @@
-"""The command line: `exumob lane-change`, `captive`, `train`, `sweep`, `map`, `export`, `soils` and `verify`."""
+"""The command line: `exumob drive`, `ford`, `lane-change`, `captive`, `train`, `sweep` and the others of `COMMANDS`."""
 
 import logging
 from collections.abc import Callable
@@ -8,6 +8,7 @@ import typer
 
 from exumob.commands.captive import captive_command
 from exumob.commands.export import export_command
+from exumob.commands.ford import ford_command
 from exumob.commands.lane_change import lane_change_command
 from exumob.commands.map import map_command
 from exumob.commands.options import PanelCommand
@@ -46,8 +47,8 @@ def main(
 
 
 COMMANDS: dict[str, Callable[..., None]] = {
-    "lane-change": lane_change_command, "captive": captive_command, "sweep": sweep_command, "map": map_command,
-    "train": train_command, "export": export_command, "soils": soils_command, "verify": verify_command,
+    "ford": ford_command, "lane-change": lane_change_command, "captive": captive_command, "sweep": sweep_command,
+    "map": map_command, "train": train_command, "export": export_command, "soils": soils_command, "verify": verify_command,
 }  # fmt: skip
 for name, command in COMMANDS.items():
     app.command(name, cls=PanelCommand)(command)

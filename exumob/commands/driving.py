@@ -227,7 +227,7 @@ def drive(
     try:
         scene = scene_of()
         if scene.water is not None and options.model is WaterModel.cfd:
-            _refuse_terrain(scene)
+            refuse_flow_over_terrain(scene.water, scene.terrain, scene.start)
             flow = flow_of(scene)
             with option_names():
                 model, lead = _flow_in_loop(flow, scene.water, lambda time: progress[0](time))
@@ -272,17 +272,21 @@ def drive(
     raise typer.Exit(code or (0 if written else 2))
 
 
-def _refuse_terrain(scene: Scene) -> None:
-    """Refuse what the flow in the loop does not know before a window is made for it."""
+def refuse_flow_over_terrain(water: Water, terrain: Terrain | None, start: StartPose | None) -> None:
+    """Refuse what the flow in the loop does not know before a window is made for it.
+
+    Raises
+    ------
+    ValueError
+        With what it knows, and the remedy.
+    """
     from exumob.coupling.flow_in_loop import CfdHydrodynamics
     from exumob.ground.terrain import Terrain
     from exumob.simulation.checks import check_water_model
     from exumob.vehicle.start_pose import StartPose
 
     with option_names():
-        check_water_model(
-            CfdHydrodynamics(), scene.water, scene.terrain or Terrain(), scene.start or StartPose()
-        )  # fmt: skip
+        check_water_model(CfdHydrodynamics(), water, terrain or Terrain(), start or StartPose())
 
 
 def _flow_in_loop(flow: FlowOptions, water: Water, progress: Callable[[float], None]) -> tuple[CfdHydrodynamics, float]:

@@ -196,6 +196,16 @@ OPTION_NAMES = {
     "CaptiveMotion.ramp_time": "--ramp-time",
     "ramp_time": "--ramp-time",
     "LaneChange.speed": "--wheel-speed",
+    "Ford.level": "--level",
+    "level =": "--level =",
+    "Ford.discharge": "--discharge",
+    "CrossSection.water": "--discharge",
+    "Ford.speed": "--speed",
+    "Ford.initial_speed": "--initial-speed",
+    "Ford.duration": "--duration",
+    "Ford.density": "--density",
+    "hydrodynamics='coefficients'": "--hydrodynamics coefficients",
+    "hydrodynamics = 'networks'": "--hydrodynamics networks",
 }
 """What errors call a value in Python, and the option that gives it at the command line."""
 _NAMES = re.compile(

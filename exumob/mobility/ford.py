@@ -32,6 +32,7 @@ from exumob.water.cross_section import DISCHARGE, HEIGHT, CrossSection
 from exumob.water.hydrodynamics import Hydrodynamics
 from exumob.water.wetted_surface import hull_triangles
 
+DENSITY = Quantity("kg/m^3", above=0.0, plausible=(700.0, 1500.0))
 PROGRESS_SHARE = 0.5
 """Share of the speed of its tyres at which a vehicle is given time to cross."""
 MOST_STEERING = math.radians(30.0)
@@ -71,6 +72,8 @@ class Ford(Declared):
     """Speed of the vehicle at time 0; 0: it starts from rest"""
     duration: Annotated[float | None, DURATION] = None
     """Time that it has; None: enough to go all the way at half the speed of its tyres"""
+    density: Annotated[float, DENSITY] = 1000.0
+    """Of the water; 1025 is sea water"""
 
     def _check(self) -> None:
         assert isinstance(self.water, Water)  # refuses what is no ford
@@ -78,7 +81,7 @@ class Ford(Declared):
     @property
     def water(self) -> Water:
         """The water over the section."""
-        return self.section.water(self.level, self.discharge)
+        return self.section.water(self.level, self.discharge, density=self.density)
 
     @property
     def edges(self) -> tuple[float, float]:
@@ -227,7 +230,9 @@ class FordReport:
     """Largest share of the weight on the hull [-]"""
     trust: str
     """What the result is worth (`exumob.simulation.trust`)"""
-    limits: VerdictLimits = VerdictLimits()
+    last: int
+    """Number of the instant of the run up to which it goes"""
+    limits: VerdictLimits
 
     @property
     def crosses(self) -> bool:
@@ -291,7 +296,7 @@ def ford_report(run: xr.Dataset, ford: Ford, limits: VerdictLimits | None = None
         If the run lacks what a verdict needs (`exumob.simulation.verdict.judge`).
     """
     limits = VerdictLimits() if limits is None else limits
-    station = _station(run)
+    station = stations(run)
     across = np.flatnonzero(station - ford.overhangs[1] >= ford.edges[1])
     status = str(run.attrs.get("status", ""))
     if len(across):
@@ -327,11 +332,12 @@ def ford_report(run: xr.Dataset, ford: Ford, limits: VerdictLimits | None = None
         extreme(run["keel_clearance"].values, np.nanargmin),
         extreme(on_hull, np.nanargmax),
         str(run.attrs.get("trust", "")),
+        len(time) - 1,
         limits,
     )
 
 
-def _station(run: xr.Dataset) -> Array:
+def stations(run: xr.Dataset) -> Array:
     """Station of the middle between the wheels at each instant [m], shape (n,)."""
     return np.asarray(run["position"].sel(axis="x").values[:, 1:].mean(axis=1), float)
 
