@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from exumob.commands.captive import captive_command
+from exumob.commands.drive import drive_command
 from exumob.commands.export import export_command
 from exumob.commands.ford import ford_command
 from exumob.commands.lane_change import lane_change_command
@@ -47,8 +48,9 @@ def main(
 
 
 COMMANDS: dict[str, Callable[..., None]] = {
-    "ford": ford_command, "lane-change": lane_change_command, "captive": captive_command, "sweep": sweep_command,
-    "map": map_command, "train": train_command, "export": export_command, "soils": soils_command, "verify": verify_command,
+    "drive": drive_command, "ford": ford_command, "lane-change": lane_change_command, "captive": captive_command,
+    "sweep": sweep_command, "map": map_command, "train": train_command, "export": export_command,
+    "soils": soils_command, "verify": verify_command,
 }  # fmt: skip
 for name, command in COMMANDS.items():
     app.command(name, cls=PanelCommand)(command)

@@ -267,8 +267,8 @@ def drive(
             code = 130
     if code and options.checkpoint is not None and options.checkpoint.exists():
         errors.print(f"{options.checkpoint} holds the run: the same command with --resume goes on.", soft_wrap=True)
-    error = SETTINGS[options.setting].error
-    written = report_run(result, options.targets, f"{options.setting}: {error}" if options.measured else "")
+    setting = f"{options.setting}: {SETTINGS[options.setting].error}" if options.measured else ""
+    written = report_run(result, options.targets, setting)
     raise typer.Exit(code or (0 if written else 2))
 
 

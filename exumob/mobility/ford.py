@@ -20,7 +20,7 @@ from exumob.ground.soil import Soil
 from exumob.mobility.crossing import FOR_GOOD
 from exumob.simulation.run import simulate
 from exumob.simulation.settings import time_scale, usual_speed
-from exumob.simulation.verdict import Verdict, VerdictLimits, judge, wheel_load_share
+from exumob.simulation.verdict import Flags, Verdict, VerdictLimits, judge, wheel_load_share
 from exumob.simulation.water_models import DEFAULT_MODEL
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared, checked
@@ -308,7 +308,7 @@ def ford_report(run: xr.Dataset, ford: Ford, limits: VerdictLimits | None = None
     kind, since = _outcome(verdict, bool(len(across)), status, float(time[-1]))
     where = float(np.interp(since, time, station))
 
-    def extreme(values: Array, pick: Callable[[Array], Any], counts: Array | None = None) -> Extreme:
+    def extreme(values: Array, pick: Callable[[Array], Any], counts: Flags | None = None) -> Extreme:
         values = np.where(np.isfinite(values) & (True if counts is None else counts), values, np.nan)
         if np.isnan(values).all():
             return Extreme(math.nan, math.nan, math.nan)
