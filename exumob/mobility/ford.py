@@ -2,7 +2,7 @@
 
 The path is the section's own: station along world x, the current across it along y. The vehicle starts with its front
 half its length before the water's edge, its driver keeps to the path, and it has crossed once all of it is past the
-far edge.
+far edge. One that floats or is swept away has not, even where the run comes out on the other side.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ from exumob.water.hydrodynamics import Hydrodynamics
 from exumob.water.wetted_surface import hull_triangles
 
 DENSITY = Quantity("kg/m^3", above=0.0, plausible=(700.0, 1500.0))
+LOST = (*FOR_GOOD, "swept away", "afloat")
+"""Conditions with which a vehicle has not crossed though it came out on the other side: wheels do not hold it."""
 PROGRESS_SHARE = 0.5
 """Share of the speed of its tyres at which a vehicle is given time to cross."""
 MOST_STEERING = math.radians(30.0)
@@ -214,8 +216,10 @@ class FordReport:
     """Time in which it crossed, else that from which it failed [s]"""
     station: float
     """Station of the middle between the wheels then [m]"""
-    drift: float
-    """Displacement to the left of the path at the end [m]"""
+    out: float
+    """Time at which all of it was past the far edge, whatever had befallen it [s]; nan: it never was"""
+    drift: Extreme
+    """Largest displacement of the hull to the left of the path [m], negative to the right"""
     depth: Extreme
     """Greatest depth of the undisturbed water below the hull's origin [m]"""
     wheel_load: Extreme
@@ -236,17 +240,17 @@ class FordReport:
 
     @property
     def crosses(self) -> bool:
-        """Whether all of the vehicle came past the far edge, upright and not submerged."""
+        """Whether all of the vehicle came past the far edge, its wheels on the ground all the way."""
         return self.kind == "crosses"
 
     def figures(self) -> dict[str, float]:
         """Return the numbers by name, as a sweep keeps them; ``crosses`` is 1 or 0."""
         extremes = {
             name: getattr(self, name).value
-            for name in ("depth", "wheel_load", "slip", "freeboard", "clearance", "hull_load")
+            for name in ("drift", "depth", "wheel_load", "slip", "freeboard", "clearance", "hull_load")
         }  # fmt: skip
         return {
-            "crosses": float(self.crosses), "time": self.time, "station": self.station, "drift": self.drift, **extremes
+            "crosses": float(self.crosses), "time": self.time, "station": self.station, "out": self.out, **extremes
         }  # fmt: skip
 
     def lines(self) -> dict[str, str]:
@@ -261,7 +265,9 @@ class FordReport:
             f"(afloat below {100.0 * self.limits.wheel_load:.0f} %)",
             "slip": "the wheels never came to speed in contact with the soil"
             if math.isnan(self.slip.value)
-            else f"{100.0 * self.slip.value:.0f} % at most, {self.slip.where()}",
+            else f"{100.0 * self.slip.value:.0f} % at most, {self.slip.where()}"
+            if self.slip.value > 0.0
+            else "none: the vehicle is as fast as the tread of its tyres",
             "freeboard": f"{self.freeboard.value:.3f} m at least, {self.freeboard.where()}"
             + (" (the deck is awash)" if self.freeboard.value < 0.0 else ""),
             "clearance": f"{self.clearance.value:.3f} m at least, {self.clearance.where()}"
@@ -270,7 +276,8 @@ class FordReport:
                 if self.hull_load.value > 0.0
                 else ""
             ),
-            "drift": f"{abs(self.drift):.2f} m to the {'left' if self.drift > 0.0 else 'right'} of the path at the end",
+            "drift": f"{abs(self.drift.value):.2f} m to the {'left' if self.drift.value > 0.0 else 'right'} of the "
+            f"path at most, {self.drift.where()}",
         }
         return {name: text for name, text in found.items() if text}
 
@@ -321,10 +328,11 @@ def ford_report(run: xr.Dataset, ford: Ford, limits: VerdictLimits | None = None
     on_hull = run["hull_load_share"].values if "hull_load_share" in run else np.zeros(len(time))
     return FordReport(
         kind,
-        _sentence(kind, since, where, verdict, ford, run, station),
+        _sentence(kind, since, where, verdict, ford, run, station, bool(len(across))),
         since,
         where,
-        float(run["position"].sel(body="hull").values[-1, 1]),
+        float(time[-1]) if len(across) else math.nan,
+        extreme(run["position"].sel(body="hull", axis="y").values, lambda values: np.nanargmax(np.abs(values))),
         extreme(run["water_depth"].values, np.nanargmax),
         extreme(wheel_load_share(run, ford.vehicle), np.nanargmin),
         extreme(slip, np.nanargmax, at_speed),
@@ -345,7 +353,7 @@ def stations(run: xr.Dataset) -> Array:
 def _outcome(verdict: Verdict, across: bool, status: str, end: float) -> tuple[str, float]:
     """Kind of a report, and its time [s]."""
     for found in verdict.conditions:
-        if found.kind in FOR_GOOD or (found.lasted and not across):
+        if found.kind in LOST or (found.lasted and not across):
             return found.kind, found.since
     if across:
         return "crosses", end
@@ -355,7 +363,7 @@ def _outcome(verdict: Verdict, across: bool, status: str, end: float) -> tuple[s
 
 
 def _sentence(
-    kind: str, since: float, where: float, verdict: Verdict, ford: Ford, run: xr.Dataset, station: Array
+    kind: str, since: float, where: float, verdict: Verdict, ford: Ford, run: xr.Dataset, station: Array, out: bool
 ) -> str:  # fmt: skip
     """Write the answer in words."""
     time = run["time"].values.astype(float)
@@ -386,6 +394,8 @@ def _sentence(
         text += f" at station {where:.2f} m, from {since:.2f} s on"
         measured = next((found.measured for found in verdict.conditions if found.kind == kind), "")
         text += f" ({measured})" if measured else ""
+    if out:
+        text += f"; the run came out on the far bank all the same, after {time[-1]:.2f} s"
     return "; ".join([text, *(f"also {one}" for one in meanwhile)])
 
 
