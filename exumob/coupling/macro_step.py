@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Annotated, Protocol, runtime_checkable
 
-from exumob.coupling.scheme import Trace
 from exumob.support.declared import Declared
 from exumob.support.quantities import STEP, Quantity
+
+if TYPE_CHECKING:  # the command line takes the settings from here without any numerical package
+    from exumob.coupling.scheme import Trace
 
 TOLERANCE = 1e-6
 """Rounding, over the shortest step [-]."""

@@ -108,8 +108,8 @@ def warn_of_ground(vehicle: Vehicle, run: xr.Dataset) -> None:
     if (share > 0.0).any():
         logger.warning(
             "%s: the hull touched the ground, first at %.2f s; it bore up to %.0f %% of the weight, and sank in by up "
-            "to %.3f m.", vehicle.name, float(run["time"][np.argmax(share > 0.0)]), 100.0 * float(np.nanmax(share)),
-            -float(run["keel_clearance"].min()),
+            "to %.1f mm.", vehicle.name, float(run["time"][np.argmax(share > 0.0)]), 100.0 * float(np.nanmax(share)),
+            -1e3 * float(run["keel_clearance"].min()),
         )  # fmt: skip
     outside = run["outside_terrain"].values
     if outside.any():

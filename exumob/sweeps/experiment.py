@@ -45,6 +45,7 @@ MANEUVERS: dict[str, Maneuver] = {
 """Values of ``maneuver``, with the maneuver that each name stands for."""
 COMPARED = 20
 """Number of different values of a name that a sweep's line of trust looks at, unless they are numbers."""
+LEVEL_GROUND = Terrain()
 STEPS = ("duration", "micro_step", "macro_step", "record_step", "initial_speed")
 """Fields of the time of a run [s], and the speed with which it begins [m/s]."""
 WHOLE = ("setting", "soil", "maneuver", "hydrodynamics", "forces")
@@ -95,7 +96,7 @@ class Experiment(Declared):
     """Speed at time 0, all wheels rolling; None: as the maneuver's wheels turn then"""
     forces: tuple[PointForce, ...] = ()
     """Forces of the user's own, such as a tow rope"""
-    terrain: Terrain = field(default_factory=Terrain)
+    terrain: Terrain = LEVEL_GROUND
     """Shape of the ground"""
     start: StartPose = AT_ORIGIN
     """Where the vehicle begins, and its heading there"""

@@ -140,7 +140,7 @@ def test_warns_with_depth_time_and_body(vehicle, caplog):
     with caplog.at_level(logging.WARNING):
         warn_of_ground(vehicle, run)
     keel, edge = (record.message for record in caplog.records)
-    assert "first at 0.01 s; it bore up to 37 % of the weight, and sank in by up to 0.042 m" in keel
+    assert "first at 0.01 s; it bore up to 37 % of the weight, and sank in by up to 42.0 mm" in keel
     assert "left the field of heights at 0.02 s (hull, front left, front right)" in edge
     caplog.clear()
     warn_of_ground(vehicle, run.isel(time=slice(0, 1)))
