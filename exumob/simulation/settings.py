@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from exumob.coupling.macro_step import FollowFlow
 from exumob.support.constants import GRAVITY
 from exumob.support.declared import checked
 from exumob.support.quantities import shown
-from exumob.vehicle.parameters import Vehicle
+
+if TYPE_CHECKING:
+    from exumob.vehicle.parameters import Vehicle
 
 DURATION = 8.0
 """Simulated time of a run [s]: that of the paper's lane change."""
