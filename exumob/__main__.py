@@ -1,4 +1,4 @@
-"""The command line: `exumob lane-change`, `captive`, `train`, `sweep`, `map`, `export`, `soils` and `verify`."""
+"""The command line: `exumob drive`, `ford`, `lane-change`, `captive`, `train`, `sweep` and the others of `COMMANDS`."""
 
 import logging
 from collections.abc import Callable
@@ -7,7 +7,9 @@ from typing import Annotated
 import typer
 
 from exumob.commands.captive import captive_command
+from exumob.commands.drive import drive_command
 from exumob.commands.export import export_command
+from exumob.commands.ford import ford_command
 from exumob.commands.lane_change import lane_change_command
 from exumob.commands.map import map_command
 from exumob.commands.options import PanelCommand
@@ -46,8 +48,9 @@ def main(
 
 
 COMMANDS: dict[str, Callable[..., None]] = {
-    "lane-change": lane_change_command, "captive": captive_command, "sweep": sweep_command, "map": map_command,
-    "train": train_command, "export": export_command, "soils": soils_command, "verify": verify_command,
+    "drive": drive_command, "ford": ford_command, "lane-change": lane_change_command, "captive": captive_command,
+    "sweep": sweep_command, "map": map_command, "train": train_command, "export": export_command,
+    "soils": soils_command, "verify": verify_command,
 }  # fmt: skip
 for name, command in COMMANDS.items():
     app.command(name, cls=PanelCommand)(command)

@@ -1,6 +1,6 @@
 """Options that several commands share, and the panels of their help.
 
-A command lists its options in panels, those that a beginner needs first: `RUN`, `WATER`, `OUTPUT`, `EXPERT`.
+A command lists its options in panels, those that a beginner needs first: `RUN`, `WATER`, `GROUND`, `OUTPUT`, `EXPERT`.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from exumob.support.quantities import CELL_SIZE, CURRENT_SPEED, DIRECTION, DURAT
 
 RUN = "Run"
 WATER = "Water"
+GROUND = "Ground and start"
 OUTPUT = "Output"
 EXPERT = "Expert"
 GIVEN_BY = ("COMMANDLINE", "ENVIRONMENT", "PROMPT")
@@ -80,7 +81,7 @@ class PanelCommand(TyperCommand):
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write a section for each panel, in the order in which the panels first appear."""
-        panels: dict[str, list[tuple[str, str]]] = {RUN: [], WATER: [], OUTPUT: [], EXPERT: []}
+        panels: dict[str, list[tuple[str, str]]] = {RUN: [], WATER: [], GROUND: [], OUTPUT: [], EXPERT: []}
         for parameter in self.get_params(ctx):
             row = parameter.get_help_record(ctx)
             if row is not None:
@@ -196,6 +197,21 @@ OPTION_NAMES = {
     "CaptiveMotion.ramp_time": "--ramp-time",
     "ramp_time": "--ramp-time",
     "LaneChange.speed": "--wheel-speed",
+    "StartPose.x": "--start-x",
+    "StartPose.y": "--start-y",
+    "PathFollowing.waypoints": "--path",
+    "Water.level": "--level",
+    "CrossSection.water.level": "--level",
+    "Ford.level": "--level",
+    "level =": "--level =",
+    "Ford.discharge": "--discharge",
+    "CrossSection.water": "--discharge",
+    "Ford.speed": "--speed",
+    "Ford.initial_speed": "--initial-speed",
+    "Ford.duration": "--duration",
+    "Ford.density": "--density",
+    "hydrodynamics='coefficients'": "--hydrodynamics coefficients",
+    "hydrodynamics = 'networks'": "--hydrodynamics networks",
 }
 """What errors call a value in Python, and the option that gives it at the command line."""
 _NAMES = re.compile(

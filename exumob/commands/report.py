@@ -11,6 +11,9 @@ from exumob.commands.shared import console, write_result
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
+
+    from exumob.mobility.ford import FordReport
 
 COLOURS = {"drives": "green"} | dict.fromkeys(
     ("stuck", "bottomed", "afloat", "slides", "stands", "too short to tell"), "yellow"
@@ -30,7 +33,6 @@ def report_run(result: xr.Dataset, targets: dict[str, Path | None], setting: str
     setting : str
         The setting, with the error that was measured with it; empty: none was.
     """
-    from exumob.simulation.animation import animate_run
     from exumob.simulation.plotting import plot_run
     from exumob.simulation.summary import summary
 
@@ -38,10 +40,40 @@ def report_run(result: xr.Dataset, targets: dict[str, Path | None], setting: str
     _print_trust(result)
     if result.sizes["time"] > 1:
         _print_summary(result, summary(result), setting)
+    return write_result(result, targets, plot_run, _animation(result))
+
+
+def report_ford(
+    result: xr.Dataset, report: FordReport, targets: dict[str, Path | None], plot: Callable[[xr.Dataset], Figure]
+) -> bool:
+    """Print the report on a ford, and write the files of its run; return whether all of them were written.
+
+    Parameters
+    ----------
+    result : xarray.Dataset
+        The run, whole or not.
+    report : FordReport
+    targets : dict of str to path or None
+        Files by option: ``--output``, ``--figure``, ``--animate``.
+    plot : callable
+        Draws it.
+    """
+    for name, text in report.lines().items():
+        style = ("green" if report.crosses else "red") if name == "verdict" else None
+        if name == "trust" and result.attrs["trust_status"] != "measured":
+            style = "yellow"
+        console.print(f"{name:<12} {text}", style=style, soft_wrap=True)
+    kept = result.isel(time=slice(report.last + 1))
+    return write_result(result, targets, plot, lambda _, file: _animation(result)(kept, file))
+
+
+def _animation(result: xr.Dataset) -> Callable[[xr.Dataset, Path], None]:
+    from exumob.simulation.animation import animate_run
+
     animate: Callable[[xr.Dataset, Path], None] = animate_run
     if "hydrodynamics_elevation" in result:
         from exumob.flow.output.pictures import animate_surface as animate
-    return write_result(result, targets, plot_run, animate)
+    return animate
 
 
 def _print_verdict(result: xr.Dataset) -> None:

@@ -5,10 +5,16 @@ The command line, `exumob.simulate`, sweeps and maps all take them from here.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from exumob.support.constants import GRAVITY
 from exumob.support.declared import checked
 from exumob.support.quantities import shown
+
+if TYPE_CHECKING:
+    from exumob.vehicle.parameters import Vehicle
 
 DURATION = 8.0
 """Simulated time of a run [s]: that of the paper's lane change."""
@@ -16,6 +22,18 @@ RECORD_STEP = 1.0e-2
 """Interval between the instants of a result [s]."""
 SOIL = "LETE sand"
 """The published soil of a run that names none."""
+FROUDE_NUMBER = 1.0 / math.sqrt(GRAVITY * 0.714)
+"""Speed over sqrt(g L) of the paper's vehicle: 1 m/s of the tyres' tread on a wheelbase L of 0.714 m."""
+
+
+def usual_speed(vehicle: Vehicle) -> float:
+    """Return the speed of the tyres' tread at which a vehicle is driven where none is named [m/s]: `FROUDE_NUMBER`."""
+    return FROUDE_NUMBER * math.sqrt(GRAVITY * vehicle.wheelbase)
+
+
+def time_scale(vehicle: Vehicle) -> float:
+    """Return the time that is to this vehicle what 1 s is to the paper's, by Froude's law [s]."""
+    return usual_speed(vehicle)  # both go with the root of the wheelbase, and the paper's speed is 1 m/s
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import contextlib
 import re
 import typing
 from enum import StrEnum
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -46,7 +47,16 @@ NAMED = re.compile(
     r"hydrodynamics|(vehicle|study) file"
 )
 """How an error says what it speaks of: an option, a field, an argument of the command line"""
+FORD = str(Path(__file__).parents[2] / "examples" / "ford.csv")
 BASES = {
+    "drive": [
+        ["--duration", "0.1"],
+        ["--depth", "0.1"],
+        ["--slope", "5", "--level", "0.1"],
+        ["--section", FORD, "--level", "100"],
+        ["--depth", "0.1", "--hydrodynamics", "cfd"],
+    ],
+    "ford": [[FORD, "--level", "100"], [FORD, "--depth", "0.2"], [FORD], ["none.csv"]],
     "lane-change": [
         ["--duration", "0.1"],
         ["--depth-ratio", "0"],

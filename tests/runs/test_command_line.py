@@ -167,13 +167,13 @@ def test_full_disk_is_said_and_the_result_is_elsewhere(tmp_path, monkeypatch):
         return write(self, data)
 
     monkeypatch.setattr(Path, "write_bytes", refuse)
-    real_check = sys.modules["exumob.commands.lane_change"].check_targets
+    real_check = sys.modules["exumob.commands.driving"].check_targets
 
     def check(targets):
         real_check(targets)
         monkeypatch.setattr("tempfile.tempdir", str(spare))
 
-    monkeypatch.setattr("exumob.commands.lane_change.check_targets", check)
+    monkeypatch.setattr("exumob.commands.driving.check_targets", check)
     answer = lane_change("--output", target / "run.nc")
     assert answer.exit_code == 0, answer.output
     (file,) = spare.glob("*/run.nc")

@@ -3,6 +3,7 @@
 import importlib.metadata
 import math
 import re
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -313,6 +314,101 @@ def test_what_is_given_twice_is_refused(arguments, message, tmp_path, monkeypatc
     answer = call(*arguments)
     assert answer.exit_code == 2 and message in plain(answer.output), answer.output
     assert list(tmp_path.iterdir()) == []
+
+
+FORD = Path(__file__).parents[2] / "examples" / "ford.csv"
+NO_FORD = [
+    ([], "neither --level nor --depth is given"), (["--level", "100", "--depth", "0.4"], "are both given"),
+    (["--level", "90"], r"--level = 90 m lies below the bed everywhere .*Raise it"),
+    (["--level", "nan"], r"--level = nan is not a finite number"),
+    (["--level", "101"], r"ford\.csv: the section begins under water.*lower the level"),
+    (["--depth", "5"], r"ford\.csv: the section begins under water.*give a smaller --depth"),
+    (["--depth", "0"], r"--depth = 0\.0 m must be > 0"), (["--depth", "-0.3"], r"--depth = -0\.3 m must be > 0"),
+    (["--depth", "60", "--unusual"], "begins under water"), (["--depth", "60"], r"--depth = 60\.0 m is outside"),
+    (["--level", "100", "--speed", "0"], r"--speed = 0\.0 m/s must be > 0"),
+    (["--level", "100", "--speed", "40"], r"--speed = 40\.0 m/s is outside .*--unusual"),
+    (["--level", "100", "--duration", "0"], r"--duration = 0\.0 s must be"),
+    (["--level", "100", "--initial-speed", "-1"], r"--initial-speed = -1\.0 m/s must be"),
+    (["--level", "100", "--density", "0"], r"--density = 0\.0 kg/m\^3 must be"),
+    (["--level", "100", "--discharge", "2"], r"--discharge: the section has a current of its own"),
+    (["--level", "100", "--hydrodynamics", "cfd"], r"flow in the loop .*take --hydrodynamics coefficients"),
+    (["--level", "100", "--soil", "LETE snad"], r"--soil: no soil is called"),
+    (["--level", "100", "--output", "mine.txt"], r"--output mine\.txt: the ending"),
+    (["--level", "100", "--hydrodynamics", "coefficients", "--networks", "a"], r"--networks has no effect"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("arguments", "text"), NO_FORD, ids=lambda v: " ".join(v) if isinstance(v, list) else "")
+def test_what_is_no_ford_is_refused_in_the_options_names(arguments, text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    answer = call("ford", FORD, *arguments)
+    assert answer.exit_code == 2 and re.search(text, plain(answer.output)), answer.output
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("station [m], bed [m]\n0, 1\n2, 0\n1, 0\n3, 1\n", r"line 4: station 1 m follows 2 m"),
+    ("station [m], bed [m]\n0, 1\n1,\n2, 0\n3, 1\n", r"line 3: bed is missing"),
+    ("station [m], bed [m]\n0, 1\n2, 0\n", r"ends under water, 0\.3 m deep"),
+    ("station [km], bed [m]\n0, 1\n2, 0\n3, 1\n", r"is in km; convert it to m"),
+    ("x, y\n0, 1\n2, 0\n3, 1\n", r"column 'x' is not known"), ("", r"is empty"),
+])  # fmt: skip
+def test_bad_sections_are_refused_with_their_line(text, said, tmp_path):
+    (tmp_path / "bad.csv").write_text(text)
+    answer = call("ford", tmp_path / "bad.csv", "--depth", "0.3")
+    assert answer.exit_code == 2 and re.search(said, plain(answer.output)), answer.output
+
+
+FILES = {
+    "line.csv": "x [m], y [m]\n-1, 0\n5, 0\n",
+    "far.csv": "x [m], y [m]\n900, 0\n950, 0\n",
+    "bare.csv": "x, y\n0, 0\n5, 0\n",
+    "hole.csv": "x [m], y [m]\n0, 0\n5,\n",
+    "turn.csv": "time [s], steering [deg], wheel speed [rad/s]\n0, 0, 0\n1, 90, 1\n2, 0, 1\n3, 0, 1\n",
+    "grid.asc": "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\nNODATA_value -9\n0 0\n0 -9\n",
+    "short.asc": "ncols 3\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n0 0\n0 1\n",
+    "far.asc": "ncols 2\nnrows 2\nxllcorner 900\nyllcorner 0\ncellsize 1\n0 0\n0 1\n",
+    "word.asc": "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n0 a\n0 1\n",
+}
+NO_DRIVE = [
+    (["--path", "line.csv", "--recorded", "turn.csv"], "--path and --recorded each say the maneuver"),
+    (["--maneuver", "straight", "--path", "line.csv"], "--maneuver and --path each say the maneuver"),
+    (["--depth", "0.1", "--level", "0.1"], "--depth and --level each say the water"),
+    (["--slope", "5", "--terrain", "grid.asc"], "--slope and --terrain each say the ground"),
+    (["--slope", "5", "--depth", "0.1"], "--depth goes with level ground, and --slope is none; give --level"),
+    (["--section", str(FORD), "--depth-ratio", "0.5"], "--depth-ratio goes with level ground"),
+    (["--section", str(FORD), "--depth", "0.2", "--current", "1"], "--current has no effect with --section"),
+    (["--steering", "20"], "--steering has no effect without the lane change"),
+    (["--slope-direction", "20"], "--slope-direction has no effect on level ground"),
+    (["--recorded", "turn.csv", "--speed", "2"], "--speed has no effect with --recorded"),
+    (["--depth", "0.1", "--discharge", "2"], "--discharge has no effect without a section"),
+    (["--current", "1"], "--current has no effect on dry ground; leave it out, or give --depth"),
+    (["--slope", "70"], "--slope 70 must be -60 to 60 degrees"), (["--heading", "400"], "--heading 400 must be"),
+    (["--speed", "nan"], "--speed = nan is not a finite"), (["--start-x", "nan"], "--start-x = nan is not a finite"),
+    (["--soil-value", "cohesoin=9"], "--soil-value 'cohesoin=9' is not known; use cohesion=VALUE"),
+    (["--soil-value", "n=x"], "--soil-value 'n=x' holds no number"),
+    (["--soil-value", "n=1", "--soil-value", "n=1"], "--soil-value n stands twice"),
+    (["--soil-value", "friction_angle=95"], "friction_angle"),
+    (["--path", "none.csv"], "none.csv does not exist"), (["--path", "far.csv"], "--path: the path comes no nearer"),
+    (["--path", "bare.csv"], "column .x. names no unit; write"), (["--path", "hole.csv"], "line 3: y is missing"),
+    (["--recorded", "line.csv"], "column 'x \\[m\\]' is not known here.*give time"),
+    (["--recorded", "turn.csv"], "turn.csv: Recorded.steering"),
+    (["--terrain", "none.asc"], "none.asc cannot be read"), (["--terrain", "grid.asc"], "1 heights are missing"),
+    (["--terrain", "short.asc"], "holds 4 heights, and ncols times nrows is 6"),
+    (["--terrain", "line.csv"], "does not say ncols"), (["--terrain", "word.asc"], "line 6: 'a' is not a number"),
+    (["--terrain", "far.asc"], "the vehicle at its start"), (["--river", "none.nc"], "none.nc: there is no such file"),
+    (["--slope", "5", "--level", "0.1", "--hydrodynamics", "cfd"], "flow in the loop .*--hydrodynamics coefficients"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("arguments", "text"), NO_DRIVE, ids=lambda v: " ".join(v) if isinstance(v, list) else "")
+def test_what_cannot_be_driven_is_refused_in_the_options_names(arguments, text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, content in FILES.items():
+        (tmp_path / name).write_text(content)
+    answer = call("drive", "--output", "run.nc", *arguments)
+    assert answer.exit_code == 2 and re.search(text, plain(answer.output)), answer.output
+    assert {file.name for file in tmp_path.iterdir()} == set(FILES)
 
 
 @pytest.mark.parametrize("arguments", [["sweep", "--vary", "hull.mass=49,50"], ["map"]])

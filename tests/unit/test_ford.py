@@ -1,0 +1,151 @@
+"""The report on a ford, from runs that were never computed; what is no ford is refused."""
+
+import math
+
+import numpy as np
+import pytest
+from made_up_runs import made_up_run, scaled_vehicle
+
+from exumob.ground.soil import Soil
+from exumob.mobility.ford import Ford, ford_report
+from exumob.simulation.settings import time_scale, usual_speed
+from exumob.water.cross_section import CrossSection
+
+SECTION = CrossSection([-2.0, 0.0, 1.0, 1.5, 2.5, 3.0, 4.0], [0.1, 0.1, 0.0, -0.12, -0.12, 0.0, 0.1])
+"""Water from station 1 to 3 m at level 0"""
+SAND = Soil.published("LETE sand")
+
+
+def ford(factor=1.0, **options):
+    section = CrossSection(factor * np.array(SECTION.station), factor * np.array(SECTION.bed))
+    return Ford(section, 0.0, scaled_vehicle(factor), SAND, **options)
+
+
+def drive(clearance=0.05, bank=None, **options):
+    """A made-up run with what a report needs besides; `bank`: station from which it is sideways [m] (and how far)."""
+    run = made_up_run(**options)
+    n = run.sizes["time"]
+    x = run["position"].values[:, 0, 0]
+    run["position"].values[:, 1:3, 0] += 0.357
+    run["position"].values[:, 3:, 0] -= 0.357
+    if bank is not None:
+        run["position"].values[:, :, 1] = np.where(np.abs(x - bank[0]) < 0.1, bank[1], 0.0)[:, None]
+    run["water_depth"] = ("time", np.interp(x, [1.0, 1.5, 2.5, 3.0], [0.0, 0.12, 0.12, 0.0]))
+    run["water_level"] = ("time", np.zeros(n))
+    run["keel_clearance"] = ("time", clearance - 0.02 * np.exp(-((x - 2.0) ** 2)))
+    run["hull_load_share"] = ("time", np.zeros(n))
+    return run.assign_attrs(trust="made up")
+
+
+def test_start_way_speed_and_time_are_those_of_the_vehicle():
+    """Half a vehicle of 1 m before the edge; past the far edge with its rear; half the speed of its tyres, and 1 s."""
+    one = ford()
+    assert one.start.x == pytest.approx(0.0, abs=1e-12)
+    assert one.way == pytest.approx(3.5)
+    assert one.tread_speed == pytest.approx(1.0)
+    assert one.time == pytest.approx(8.0)
+    assert one.maneuver.wheel_speed(5.0)[0] == pytest.approx(10.0)
+    assert ford(speed=2.0).time == pytest.approx(4.5) and ford(duration=3.0).time == 3.0
+
+
+@pytest.mark.parametrize("factor", [0.5, 4.0])
+def test_a_similar_ford_is_driven_similarly(factor):
+    """Froude: lengths by the factor, speed and time by its root."""
+    small, large = ford(), ford(factor)
+    root = math.sqrt(factor)
+    assert usual_speed(large.vehicle) == pytest.approx(root) and time_scale(large.vehicle) == pytest.approx(root)
+    assert large.way == pytest.approx(factor * small.way)
+    assert large.tread_speed == pytest.approx(root)
+    assert large.time == pytest.approx(root * small.time, abs=0.1)
+
+
+def test_a_vehicle_that_comes_out_has_crossed():
+    report = ford_report(drive(forward=0.8), ford())
+    assert report.crosses and report.kind == "crosses"
+    assert report.time == pytest.approx(3.5 / 0.8, abs=0.011) and report.out == report.time
+    assert report.station == pytest.approx(3.5, abs=0.01)
+    assert "after 4.38 s, at 0.80 m/s on average (80 % of the speed of its tyres)" in report.sentence
+    assert report.depth.value == pytest.approx(0.12)
+    assert report.clearance.value == pytest.approx(0.03, abs=1e-3)
+    assert report.clearance.station == pytest.approx(2.0, abs=0.02)
+    assert report.wheel_load.value == pytest.approx(0.6, abs=1e-6)
+    assert report.slip.value == pytest.approx(0.3)
+    vehicle = scaled_vehicle(1.0).hull
+    top = 0.17 + vehicle.ground_clearance + vehicle.height - vehicle.center_of_mass_height
+    assert report.freeboard.value == pytest.approx(top)
+    assert report.figures()["crosses"] == 1.0
+    assert str(report).startswith("verdict") and "made up" in str(report)
+
+
+def test_what_happens_after_the_crossing_does_not_count():
+    run = drive(forward=0.8, roll=lambda t: 1.5 if t > 4.6 else 0.0, status="broke down at 5.9 s: it")
+    assert ford_report(run, ford()).crosses
+
+
+@pytest.mark.parametrize(("options", "kind", "station", "time"), [
+    ({"forward": lambda t: 0.8 if t < 2.0 else 0.0}, "stuck", 1.6, 2.0),
+    ({"forward": lambda t: 0.8 if t < 2.0 else 0.0, "belly": 0.4}, "bottomed", 1.6, 2.0),
+    ({"load": lambda t: 0.6 if t < 2.5 else 0.01}, "afloat", 2.0, 2.5),
+    ({"load": lambda t: 0.6 if not 2.0 < t < 3.5 else 0.01}, "afloat", 1.6, 2.0),
+    ({"roll": lambda t: 1.2 if t > 2.5 else 0.0}, "tipped", 2.0, 2.5),
+    ({"forward": 0.3}, "too slow", 1.8, 6.0),
+    ({"forward": 0.3, "status": "interrupted at 6.0 s"}, "stopped", 1.8, 6.0),
+    ({"forward": 0.3, "status": "broke down at 6.0 s: it"}, "broke down", 1.8, 6.0),
+])  # fmt: skip
+def test_a_failure_says_what_where_and_when(options, kind, station, time):
+    report = ford_report(drive(**({"forward": 0.8} | options)), ford())
+    assert report.kind == kind and not report.crosses
+    assert report.time == pytest.approx(time, abs=0.02)
+    assert report.station == pytest.approx(station, abs=0.02)
+    assert report.sentence.startswith("does not cross: ")
+    assert f"at station {report.station:.2f} m" in report.sentence
+    assert report.figures()["crosses"] == 0.0
+
+
+def test_a_vehicle_that_floated_has_not_forded_though_it_came_out():
+    report = ford_report(drive(forward=0.8, load=lambda t: 0.6 if not 2.0 < t < 3.5 else 0.01), ford())
+    assert report.kind == "afloat" and report.out == pytest.approx(3.5 / 0.8, abs=0.011)
+    assert "came out on the far bank all the same, after 4.38 s" in report.sentence
+
+
+def test_one_that_was_stuck_for_a_while_crosses_and_it_is_said():
+    report = ford_report(drive(forward=lambda t: 0.9 if not 1.0 < t < 2.0 else 0.0), ford())
+    assert report.crosses
+    assert "on the way stuck from station 0.9" in report.sentence
+
+
+def test_the_largest_drift_is_reported_not_that_at_the_end():
+    report = ford_report(drive(forward=0.8, bank=(2.0, -0.4)), ford())
+    assert report.drift.value == pytest.approx(-0.4) and report.drift.station == pytest.approx(2.0, abs=0.11)
+    assert "0.40 m to the right of the path at most" in str(report)
+
+
+@pytest.mark.parametrize(("change", "text"), [
+    ({"level": -0.2}, r"lies below the bed everywhere"),
+    ({"level": 0.2}, r"begins under water.*lower the level"),
+    ({"section": CrossSection([0, 1, 2], [0.1, -0.1, -0.1])}, r"ends under water"),
+    ({"speed": 0.0}, r"Ford\.speed = 0\.0 m/s must be > 0"), ({"speed": 1e3}, r"Ford\.speed"),
+    ({"initial_speed": -1.0}, r"Ford\.initial_speed"), ({"duration": 0.0}, r"Ford\.duration"),
+    ({"level": math.nan}, r"Ford\.level"), ({"discharge": math.inf}, r"Ford\.discharge"),
+    ({"section": CrossSection([0, 1, 2], [0.1, -0.1, 0.1], [0, 1, 0]), "discharge": 1.0}, r"give only one"),
+])  # fmt: skip
+def test_what_is_no_ford_is_refused(change, text):
+    with pytest.raises(ValueError, match=text):
+        Ford(**({"section": SECTION, "level": 0.0, "vehicle": scaled_vehicle(1.0), "soil": SAND} | change))
+
+
+def test_what_will_be_driven_is_said():
+    lines = ford(discharge=-0.05).lines()
+    assert lines["water"].startswith(
+        "2 m wide, from station 1 to 3 m; at most 0.12 m deep (0.60 diameters of the tyre)"
+    )
+    assert "0.05 m^3/s to the right" in lines["water"]
+    assert lines["banks"] == "down at most 24.0 %, up at most 24.0 %"
+    assert "standing at station 0 m; its tyres at 1 m/s; 3.5 m to go, 8 s" in lines["drive"].replace("-0 m", "0 m")
+
+
+def test_bends_of_the_bed_beyond_the_way_are_no_banks():
+    station = [-9.0, -8.0, 0.0, 1.0, 1.5, 2.5, 3.0, 4.0, 20.0, 21.0]
+    bed = [5.0, 0.1, 0.1, 0.0, -0.12, -0.12, 0.0, 0.1, 0.1, 5.0]
+    banks = Ford(CrossSection(station, bed), 0.0, scaled_vehicle(1.0), SAND).banks
+    assert banks == pytest.approx((0.24, 0.24))
