@@ -156,7 +156,7 @@ def simulate(  # one argument a part of the run; all but two have defaults
     )
     check_steps(steps)
     check_start(vehicle, terrain, water, pose)
-    check_water_model(hydrodynamics, water, terrain, pose)
+    check_water_model(hydrodynamics, water, terrain)
     commands = check_maneuver(vehicle, maneuver, duration, pose)
     maneuver, speed = rolling_start(vehicle, maneuver, initial_speed, in_loop)
     run = RunDescription(

@@ -109,4 +109,4 @@ def surface_elevation(solver: FlowSolver) -> Array:
     height = np.where(here, np.where(dry, below, np.nan), surface)
     over = solver.grid.z_faces[np.minimum(highest + 1, nz)] + above
     height = np.where(here & (above > 0.5 * widths[np.minimum(highest + 1, nz - 1)]), over, height)
-    return (height - solver.water.uniform_depth).astype(np.float32)
+    return (height - solver.level).astype(np.float32)
