@@ -44,6 +44,7 @@ from exumob.support.compiled import say_compilation
 from exumob.support.declared import checked
 from exumob.support.errors import SimulationError, SimulationInterrupted
 from exumob.support.quantities import INITIAL_SPEED, STEP
+from exumob.support.small_matrices import on_one_thread
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.point_force import PointForce
@@ -172,7 +173,8 @@ def simulate(  # one argument a part of the run; all but two have defaults
         store = Checkpoints(Path(checkpoint), Fingerprint.of(run), resume)
     elif resume:
         raise ValueError("simulate.resume: there is nothing to go on from without checkpoint; give its file.")
-    return _drive(run, store, progress)
+    with on_one_thread():
+        return _drive(run, store, progress)
 
 
 def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[float], None] | None) -> xr.Dataset:
