@@ -169,7 +169,7 @@ class Grid:
 
     @classmethod
     @checked
-    def around_vehicle(
+    def around_vehicle(  # the sides of the window
         cls,
         vehicle: Vehicle,
         cell_size: Annotated[float, CELL_SIZE] = 0.018,
