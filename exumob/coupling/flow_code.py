@@ -272,7 +272,7 @@ class BuiltInFlow:
 
     def save(self) -> dict[str, Any]:
         """See `FlowCode`."""
-        return {"solver": self.solver.save(), "snapshots": [dict(vars(s)) for s in self.snapshots]}
+        return {"solver": self.solver.save(), "snapshots": [s.state() for s in self.snapshots]}
 
     def restore(self, saved: dict[str, Any]) -> None:
         """See `FlowCode`."""
