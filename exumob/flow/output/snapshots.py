@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from exumob.flow.grid import HALO, Grid
 from exumob.flow.poses import Poses
@@ -36,7 +37,7 @@ class Snapshot:
     """Rotation matrices, body to grid axes, shape (n, 3, 3)"""
     level: float = 0.0
     """Height of the still surface, z [m]"""
-    bed: Array | None = None
+    bed: NDArray[np.float32] | None = None
     """Height of a given bed above the still level [m], single precision, shape (ny, nx)"""
 
     @classmethod
@@ -44,7 +45,7 @@ class Snapshot:
         """Take a snapshot of what the solver holds now, with the solids at `poses`."""
         frame, bed = solver.frame, None
         if solver.has_given_bed:
-            bed = (solver.bed_height() - solver.level).astype(np.float32)
+            bed = np.asarray(solver.bed_height() - solver.level, np.float32)
         return cls(solver.time, surface_elevation(solver), frame, *in_grid_axes(poses, frame), solver.level, bed)
 
     def state(self) -> dict[str, Any]:
