@@ -43,9 +43,8 @@ def plot_ford(run: xr.Dataset, ford: Ford, report: FordReport) -> Figure:
     high = max(ford.edges[1] + 2.0 * rear, float(place.max())) + 1.2 * front
     with plt.rc_context(STYLE):
         heights = _heights(driven, ford, low, high)
-        tall = float(
-            np.clip(11.0 * (heights[1] - heights[0]) / (high - low), 1.5, 4.0)
-        )  # [inches], so that the width limits
+        # [inches]: a little more than its share, so that its width is that of the panels below
+        tall = float(np.clip(11.0 * (heights[1] - heights[0]) / (high - low), 1.5, 4.0))
         figure, (side, depth, load, slip) = plt.subplots(
             4, 1, figsize=(11.0, tall + 6.6), height_ratios=[tall, 1.7, 1.7, 1.5], sharex=True, layout="constrained"
         )
