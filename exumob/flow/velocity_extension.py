@@ -185,7 +185,7 @@ def blend(
     u = (u + rate dt u_slip) / (1 + rate dt) with rate = 50 [(0.7 - beta) / beta]^2 1/s, beta the area fraction: a face
     that is hardly open has hardly any water of its own. What momentum this takes is given to the solid. Where the
     extension does not reach, nothing changes: fed by its own result, step by step, spray beside a curved wall would
-    gather speed. Only in the wedge between a given bed and what rolls over it, which water can leave by faces hardly open
+    gather speed. Only in the wedge between a given bed and what rolls over it, which water leaves by faces hardly open
     alone, is it drawn towards the walls' own velocity instead: a film that is squeezed sticks to them.
 
     Parameters
