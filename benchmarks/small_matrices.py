@@ -1,7 +1,7 @@
 """What does a system of a vehicle's constraints cost on one thread and on all, on an idle and on a busy machine?
 
-With the flow in the loop such a system is solved for every prediction. Printed: median and largest time of 200 solutions
-of 130 unknowns, one thread and all in turn, alone and beside one busy process a core.
+With the flow in the loop such a system is solved for every prediction. Printed: median, mean and largest time of
+solutions of 130 unknowns, on one thread and on all in turn, alone and beside one busy process a core.
 
 Run: python benchmarks/small_matrices.py     (half a minute)
 """
