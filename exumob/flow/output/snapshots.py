@@ -127,4 +127,6 @@ def surface_elevation(solver: FlowSolver) -> Array:
     height = np.where(here, np.where(dry, below, np.nan), surface)
     over = solver.grid.z_faces[np.minimum(highest + 1, nz)] + above
     height = np.where(here & (above > 0.5 * widths[np.minimum(highest + 1, nz - 1)]), over, height)
+    if solver.has_given_bed:
+        height[height <= solver.bed_height()] = np.nan  # a wheel on dry land
     return (height - solver.level).astype(np.float32)
