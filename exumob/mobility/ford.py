@@ -268,7 +268,9 @@ class FordReport:
             "slip": "the wheels never came to speed in contact with the soil"
             if math.isnan(self.slip.value)
             else f"{100.0 * self.slip.value:.0f} % at most, {self.slip.where()}"
-            if self.slip.value > 0.0
+            if self.slip.value > 0.005
+            else f"none: the vehicle is at least {-100.0 * self.slip.value:.0f} % faster than the tread of its tyres"
+            if self.slip.value < -0.005
             else "none: the vehicle is as fast as the tread of its tyres",
             "freeboard": f"{self.freeboard.value:.3f} m at least, {self.freeboard.where()}"
             + (" (the deck is awash)" if self.freeboard.value < 0.0 else ""),
