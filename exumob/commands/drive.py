@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from exumob.commands.driving import (
+    SNAPSHOTS,
     CheckpointFile,
     CouplingScheme,
     FlowOptions,
@@ -201,7 +202,7 @@ def drive_command(  # one argument an option of the command line
 
     def flow_of(scene: Scene) -> FlowOptions:
         size = cells_of(scene.vehicle) if cell_size is None else number(cell_size)
-        return FlowOptions(size, coarse, threads, coupling, 0.05 if animate else None)
+        return FlowOptions(size, coarse, threads, coupling, SNAPSHOTS if animate else None)
 
     def say(scene: Scene) -> None:
         turning = float(scene.maneuver.wheel_speed(scene.duration)[0])

@@ -86,6 +86,8 @@ SoilValue = Annotated[
 CouplingScheme = Annotated[Scheme, option(EXPERT, "Scheme by which vehicle and flow agree within a macro step (cfd).")]
 CELLS = 0.0575
 """Width of the flow solver's cells over the tyre's diameter: 11.5 mm for the paper's vehicle."""
+SNAPSHOTS = 0.05
+"""Interval at which the free surface is kept for an animation [s]."""
 FLOW = ("cell_size", "coarse", "coupling", "threads")
 """Arguments of a command that belong to the flow in the loop."""
 

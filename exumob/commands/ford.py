@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from exumob.commands.driving import (
+    SNAPSHOTS,
     CheckpointFile,
     CouplingScheme,
     FlowOptions,
@@ -143,7 +144,7 @@ def ford_command(  # one argument an option of the command line
 
     def flow_of(scene: Scene) -> FlowOptions:
         size = cells_of(scene.vehicle) if cell_size is None else Unusual(cell_size) if unusual else cell_size
-        return FlowOptions(size, coarse, threads, coupling, 0.05 if animate else None)
+        return FlowOptions(size, coarse, threads, coupling, SNAPSHOTS if animate else None)
 
     def say(scene: Scene) -> None:
         for name, text in crossed[0].lines().items():
