@@ -19,3 +19,9 @@ def about_y(angle: float) -> Array:
     """Rotation matrix about y, body to world, for a pitch `angle` [rad], positive bow down; shape (3, 3)."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def about_x(angle: float) -> Array:
+    """Rotation matrix about x, body to world, for a roll `angle` [rad], right side down positive; shape (3, 3)."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -82,6 +84,22 @@ class CaptiveRecord:
         self.snapshots.append(Snapshot.of(self.solver, poses))
         if self.on_snapshot is not None:
             self.on_snapshot(self.solver, poses)
+
+    def save(self, count: int) -> dict[str, Any]:
+        """Return what was kept of the first `count` intervals, as arrays; snapshots are left out."""
+        poses = {f.name: np.array([getattr(p, f.name) for p in self.poses[:count]]) for f in fields(Poses)}
+        return {
+            "times": np.array(self.times[:count]), "loads": np.array(self.loads[:count]), "poses": poses,
+            "reports": np.array(self.reports[:count], dtype=float),
+        }  # fmt: skip
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Return to what `save` gave."""
+        self.times = [float(time) for time in saved["times"]]
+        self.loads = list(saved["loads"])
+        columns = saved["poses"]
+        self.poses = [Poses(**{name: columns[name][n] for name in columns}) for n in range(len(self.times))]
+        self.reports = [tuple(row) for row in saved["reports"].tolist()]
 
     def dataset(self, interval: float) -> xr.Dataset:
         """Return everything kept, at whole instants only, whenever the run ended."""

@@ -11,6 +11,7 @@ import math
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -31,12 +32,13 @@ from exumob.support.measured import flow_load_error
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import DURATION, Quantity
 from exumob.support.smoothing import window_samples
+from exumob.towing_tank.checkpoint import CaptiveCheckpoint
 from exumob.towing_tank.checks import check_motion, whole_multiple
 from exumob.towing_tank.motion import CaptiveMotion, PrescribedMotion
 from exumob.towing_tank.record import CaptiveRecord
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
-from exumob.water.mesh_file import mesh_provenance
+from exumob.water.mesh_file import mesh_digest, mesh_provenance
 
 logger = logging.getLogger(__name__)
 
@@ -44,6 +46,8 @@ INTERVAL = Quantity("s", at_least=1e-7, at_most=1e6)
 """Interval of the loads"""
 RECORD_SIZE = 6e3
 """Memory of an interval's record, and of its copies in the result [bytes]."""
+CHECKPOINT_INTERVAL = 0.5
+"""Simulated time between checkpoints [s]."""
 SNAPSHOT_SIZE = 8.0
 """Memory of a snapshot, per column of cells [bytes]."""
 
@@ -65,6 +69,8 @@ def captive_run(  # the front door of captive runs: each argument is a choice of
     progress: Callable[[float], None] | None = None,
     terrain: Terrain | None = None,
     tread: Tread | None = None,
+    checkpoint: Path | None = None,
+    resume: bool = False,
 ) -> xr.Dataset:
     """Move a vehicle on a prescribed path through water and return the loads on its bodies.
 
@@ -104,6 +110,11 @@ def captive_run(  # the front door of captive runs: each argument is a choice of
         `CaptiveMotion` keeps the wheels on z = 0.
     tread : Tread, optional
         Lugs of the wheels (`exumob.flow.tread`); default: smooth wheels, whose spin acts through wall friction alone.
+    checkpoint : path, optional
+        File (.npz) that holds the whole run but for its snapshots, written every half second of simulated time and when
+        it stops or breaks.
+    resume : bool
+        Go on from `checkpoint`, if there is one, with the same bits as a run that was never stopped; else begin.
 
     Returns
     -------
@@ -146,12 +157,21 @@ def captive_run(  # the front door of captive runs: each argument is a choice of
         "steps": {"duration": duration, "interval": interval, "snapshots": snapshots},
     }  # fmt: skip
     parameters |= {name: value for name, value in (("terrain", terrain), ("tread", tread)) if value is not None}
-    run = _Run(vehicle, water, motion, solver, CaptiveRecord(solver, on_snapshot), interval, parameters)
+    store = None
+    if checkpoint is not None:
+        if every:
+            raise ValueError("captive_run.checkpoint keeps no snapshots; leave one of checkpoint and snapshots out.")
+        store = CaptiveCheckpoint(checkpoint, parameters | {"hull": mesh_digest(vehicle.hull)}, resume)
+    elif resume:
+        raise ValueError("captive_run.resume: there is nothing to go on from without checkpoint; give its file.")
+    run = _Run(vehicle, water, motion, solver, CaptiveRecord(solver, on_snapshot), interval, parameters, store)
     try:
         run.advance(steps, every, progress)
     except KeyboardInterrupt:
+        run.keep()
         raise SimulationInterrupted(solver.time, run.result(f"interrupted at {solver.time:.4f} s")) from None
     except Exception as error:  # of solver, motion or callbacks: none of them may cost what was computed
+        run.keep()
         cause = str(error) if isinstance(error, SimulationError) else f"{type(error).__name__}: {error}"
         broken = SimulationError(f"{vehicle.name}, captive, at {solver.time:.4f} s: {cause}")
         broken.result, broken.state = run.result(f"broke down at {solver.time:.4f} s: {cause}"), solver.save()
@@ -170,19 +190,38 @@ class _Run:
     record: CaptiveRecord
     interval: float
     parameters: dict[str, Any]
+    store: CaptiveCheckpoint | None = None
 
     def __post_init__(self) -> None:
         self.began = clock.perf_counter()
         self.solver.start(self.motion.poses(self.vehicle, self.water, 0.0))
+        self.done = 0
+        if self.store is not None and self.store.found:
+            self.done, saved = self.store.read()
+            self.solver.restore(saved["solver"])
+            self.record.restore(saved["record"])
+            logger.info("%s: goes on from %.3f s", self.store.file, self.solver.time)
+
+    def keep(self) -> None:
+        """Write a checkpoint of the whole intervals done, if there is to be one; a failed write does not end the run.
+
+        In the midst of an interval the solver is elsewhere than the record: then the one before stays the last.
+        """
+        if self.store is not None and self.done and abs(self.solver.time - self.done * self.interval) < 1e-9:
+            self.store.write(self.done, {"solver": self.solver.save(), "record": self.record.save(self.done)})
 
     def advance(self, steps: int, every: int, progress: Callable[[float], None] | None) -> None:
         """Go through all intervals; the surface is kept at the start and after `every` of them (0: never)."""
         if every:
             self.record.keep_surface(self.motion.poses(self.vehicle, self.water, 0.0))
-        for n in range(1, steps + 1):
+        between = max(round(CHECKPOINT_INTERVAL / self.interval), 1)
+        for n in range(self.done + 1, steps + 1):
             poses = self.motion.poses(self.vehicle, self.water, n * self.interval)
             self.solver.advance(n * self.interval, poses)
             self.record.keep(poses)
+            self.done = n
+            if n % between == 0:
+                self.keep()
             if every and n % every == 0:
                 self.record.keep_surface(poses)
             if progress is not None:
@@ -190,13 +229,14 @@ class _Run:
 
     def result(self, status: str) -> xr.Dataset:
         """Return the record with all that it takes to understand and repeat the run."""
+        earlier = 0.0 if self.store is None else self.store.elapsed
         return self.record.dataset(self.interval).assign_attrs(
             provenance() | mesh_provenance(self.vehicle.hull) | {
                 "title": f"exumob captive run of {self.vehicle.name}",
                 "status": status,
                 "parameters": parameters_json(self.parameters),
                 "smoothing_window": window_samples(self.interval) * self.interval,
-                "wall_time": clock.perf_counter() - self.began,
+                "wall_time": earlier + clock.perf_counter() - self.began,
                 "trust": f"flow solver: {flow_load_error()}",
             }
         )  # fmt: skip
