@@ -1,4 +1,4 @@
-"""The command line: `exumob drive`, `ford`, `lane-change`, `captive`, `train`, `sweep` and the others of `COMMANDS`."""
+"""The command line: `exumob drive`, `ford`, `lane-change`, `captive`, `learn`, `sweep` and others of `COMMANDS`."""
 
 import logging
 from collections.abc import Callable
@@ -11,6 +11,7 @@ from exumob.commands.drive import drive_command
 from exumob.commands.export import export_command
 from exumob.commands.ford import ford_command
 from exumob.commands.lane_change import lane_change_command
+from exumob.commands.learn import learn_command
 from exumob.commands.map import map_command
 from exumob.commands.options import PanelCommand
 from exumob.commands.shared import console, errors
@@ -49,8 +50,8 @@ def main(
 
 COMMANDS: dict[str, Callable[..., None]] = {
     "drive": drive_command, "ford": ford_command, "lane-change": lane_change_command, "captive": captive_command,
-    "sweep": sweep_command, "map": map_command, "train": train_command, "export": export_command,
-    "soils": soils_command, "verify": verify_command,
+    "sweep": sweep_command, "map": map_command, "learn": learn_command, "train": train_command,
+    "export": export_command, "soils": soils_command, "verify": verify_command,
 }  # fmt: skip
 for name, command in COMMANDS.items():
     app.command(name, cls=PanelCommand)(command)

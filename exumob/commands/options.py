@@ -159,6 +159,14 @@ UnusualValues = Annotated[
 Seed = Annotated[int, option(EXPERT, "Seed of the random draws.")]
 
 OPTION_NAMES = {
+    "LearningRange.depth": "--depth",
+    "LearningRange.current": "--current",
+    "make_plan.budget": "--budget",
+    "make_plan.seeds": "--seeds",
+    "make_plan.run_time": "--run-time",
+    "make_plan.cell_size": "--cell-size",
+    "Excitation.ramp_time": "--run-time",
+    "shared_harmonics.period": "--run-time",
     "Water.current_speed": "--current",
     "Water.at_ratio.current_speed": "--current",
     "Water.at_ratio.depth_ratio": "--depth-ratio",

@@ -80,11 +80,7 @@ def checked_solids(
     too_coarse = [need for need in needs if need.lacks(cell)]
     if not too_coarse:
         return solids
-    message = "; ".join(
-        f"{need.what} of {1e3 * need.size:.1f} mm has {need.size / cell:.1f} cells of {1e3 * cell:.1f} mm and needs "
-        f"{need.least:g}"
-        for need in too_coarse
-    )
+    message = "; ".join(need.said(cell) for need in too_coarse)
     if not allow_coarse:
         raise ValueError(
             f"{vehicle.name}: {message}; {_remedy(too_coarse, grid)}, or accept coarse cells (allow_coarse, --coarse) "
@@ -93,6 +89,32 @@ def checked_solids(
     finest = min(need.finest for need in too_coarse)
     logger.warning("%s: %s; loads of this run are rough (%g m would do).", vehicle.name, message, finest)
     return solids
+
+
+def lengths_in_cells(
+    vehicle: Vehicle, grid: Grid, steering_range: tuple[float, float] = (0.0, 0.0)
+) -> tuple[list[str], list[str]]:
+    """Say of which lengths of a vehicle a grid has enough cells, and of which it has not.
+
+    Parameters
+    ----------
+    vehicle, grid, steering_range
+        As for `check_resolution`.
+
+    Returns
+    -------
+    resolved, lost : list of str
+        A line for each gap and for the width of a wheel: its size, the cells that it has and those that it needs.
+
+    Raises
+    ------
+    ValueError
+        As `check_resolution` does whatever the cells are.
+    """
+    cell = _largest_cell(vehicle, grid)
+    needs = _needs(vehicle, vehicle_solids(vehicle, grid.smallest_width), steering_range)
+    resolved = [need.said(cell) for need in needs if not need.lacks(cell)]
+    return resolved, [f"{need.said(cell)} ({need.finest:g} m would do)" for need in needs if need.lacks(cell)]
 
 
 def _remedy(too_coarse: list[_Need], grid: Grid) -> str:
@@ -140,6 +162,13 @@ class _Need(NamedTuple):
         exact = self.size / self.least
         unit = 10.0 ** (math.floor(math.log10(exact)) - 2)
         return math.floor(exact / unit + 1e-9) * unit
+
+    def said(self, cell: float) -> str:
+        """Say how many cells it has, and how many it needs."""
+        return (
+            f"{self.what} of {1e3 * self.size:.1f} mm has {self.size / cell:.1f} cells of {1e3 * cell:.1f} mm and "
+            f"needs {self.least:g}"
+        )
 
     def lacks(self, cell: float) -> bool:
         return self.size > 0.0 and self.size / cell < self.least * (1.0 - ROUNDING)

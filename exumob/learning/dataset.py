@@ -8,7 +8,7 @@ describes each variable.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +19,17 @@ from scipy.spatial.transform import Rotation
 
 from exumob.simulation import verdict
 from exumob.simulation.result_files import load_dataset
+from exumob.simulation.results import VARIABLES as RESULTS
 from exumob.support.arrays import Array
+from exumob.support.dimensions import with_described_names
 from exumob.support.quantities import unusual
 from exumob.support.smoothing import WINDOW, smoothed, window_samples
 from exumob.surrogates.networks import Architecture
-from exumob.vehicle.motion import HISTORY_STEP, BodyStates
+from exumob.vehicle.motion import BODIES, HISTORY_STEP, WHEELS, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
+from exumob.water.flow_states import FLOW_STATES, flow_states
 
 SAMPLING = HISTORY_STEP
 """Interval between the samples of a packed run [s]."""
@@ -112,6 +115,69 @@ def pack(run: xr.Dataset) -> xr.Dataset:
         if name in run:
             effort |= {f"{name}_mean": float(run[name].mean()), f"{name}_max": float(run[name].max())}
     return packed.assign_attrs(run.attrs | effort)
+
+
+def histories(states: BodyStates, wrench: Array, water: Water, attrs: Mapping[str, Any]) -> xr.Dataset:
+    """Return motion and loads as a packed run: what comes of other programs, and of captive runs.
+
+    Parameters
+    ----------
+    states : BodyStates
+        At every millisecond.
+    wrench : array, shape (n, 5, 6)
+        Force [N] and moment [N m] of the water about the bodies' origins, body axes.
+    water : Water
+    attrs : mapping
+        Attributes: ``parameters`` (with the water), ``status``, ``scenario`` and what else is known.
+
+    Returns
+    -------
+    xarray.Dataset
+        Motion, states of Eq. (7) and wrenches, as `pack` gives them; nothing of the soil.
+    """
+    rotation = states.rotation
+    yaw = np.unwrap(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]), axis=0)
+    speed = states.velocity[:, 0, :2]
+    values = {
+        "position": states.position,
+        "quaternion": quaternions(rotation),
+        "yaw": yaw,
+        "pitch": -np.arcsin(np.clip(rotation[..., 2, 0], -1.0, 1.0)),
+        "roll": np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
+        "velocity": states.velocity,
+        "angular_velocity": states.angular_velocity,
+        "acceleration": states.acceleration,
+        "angular_acceleration": states.angular_acceleration,
+        "forward_velocity": np.cos(yaw[:, 0]) * speed[:, 0] + np.sin(yaw[:, 0]) * speed[:, 1],
+        "lateral_velocity": np.cos(yaw[:, 0]) * speed[:, 1] - np.sin(yaw[:, 0]) * speed[:, 0],
+        "flow_state": flow_states(states, water),
+        "water_wrench": wrench,
+    }
+    if np.isfinite(states.wheel_speed).all():
+        values["wheel_speed"] = states.wheel_speed
+    described = {name: RESULTS[name] for name in values} | {
+        "water_wrench_smooth": ("time body component", "N, N m", "water_wrench, centred moving average")
+    }
+    values["water_wrench_smooth"] = smoothed(wrench, SAMPLING)
+    found = xr.Dataset(
+        {
+            name: (dims.split(), _packed(name, values[name]), {"units": unit, "long_name": text})
+            for name, (dims, unit, text) in described.items()
+        },
+        coords={
+            "time": ("time", states.time, {"units": "s", "long_name": "time since the first sample"}),
+            "body": list(BODIES), "axis": ["x", "y", "z"], "quaternion_component": ["w", "x", "y", "z"],
+            "component": list(WRENCH_COMPONENTS), "state": list(FLOW_STATES),
+            **({"wheel": list(WHEELS)} if "wheel_speed" in values else {}),
+        },
+        attrs=dict(attrs),
+    )  # fmt: skip
+    return with_described_names(found)
+
+
+def _packed(name: str, values: Array) -> NDArray[Any]:
+    """Values in the precision of a packed run."""
+    return values.astype(np.float64 if name in DOUBLE else np.float32)
 
 
 def load_runs(files: Iterable[str | Path]) -> dict[str, xr.Dataset]:

@@ -17,27 +17,23 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from exumob.learning.dataset import DOUBLE, SAMPLING, check_loads, check_motion
-from exumob.simulation.results import VARIABLES
+from exumob.learning.dataset import SAMPLING, check_loads, check_motion, histories
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
-from exumob.support.dimensions import with_described_names
 from exumob.support.files import read_netcdf
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity
 from exumob.support.smoothing import smoothed
 from exumob.support.tables import read_table
-from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates, quaternions
+from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.water.conditions import Water
-from exumob.water.flow_states import FLOW_STATES, flow_states
 
 PLACES = ("x", "y", "z")
 ANGLES = ("roll", "pitch", "yaw")
@@ -137,7 +133,11 @@ def import_histories(
     wrench = np.stack([_line(time - time[0], loads[:, b], states.time) for b in range(5)], axis=1)
     check_loads(states, wrench, water, str(path))
     _check_lift(states, wrench, path)
-    return _dataset(states, wrench, water, path, scenario or path.stem)
+    attrs = provenance() | {
+        "title": f"imported from {path.name}", "status": "completed", "scenario": scenario or path.stem,
+        "parameters": parameters_json({"water": water}),
+    }  # fmt: skip
+    return histories(states, wrench, water, attrs)
 
 
 class _Columns:
@@ -283,50 +283,3 @@ def _resampled(time: Array, position: Array, rotation: Array) -> BodyStates:
         acceleration=spline(inside, 2), angular_acceleration=np.asarray(np.gradient(rates, SAMPLING, axis=0)),
         wheel_speed=np.full((len(wanted), 4), np.nan),
     )  # fmt: skip
-
-
-def _packed(name: str, values: Array) -> NDArray[Any]:
-    """Values in the precision of a packed run."""
-    return values.astype(np.float64 if name in DOUBLE else np.float32)
-
-
-def _dataset(states: BodyStates, wrench: Array, water: Water, path: Path, scenario: str) -> xr.Dataset:
-    rotation = states.rotation
-    yaw = np.unwrap(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]), axis=0)
-    speed = states.velocity[:, 0, :2]
-    values = {
-        "position": states.position,
-        "quaternion": quaternions(rotation),
-        "yaw": yaw,
-        "pitch": -np.arcsin(np.clip(rotation[..., 2, 0], -1.0, 1.0)),
-        "roll": np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
-        "velocity": states.velocity,
-        "angular_velocity": states.angular_velocity,
-        "acceleration": states.acceleration,
-        "angular_acceleration": states.angular_acceleration,
-        "forward_velocity": np.cos(yaw[:, 0]) * speed[:, 0] + np.sin(yaw[:, 0]) * speed[:, 1],
-        "lateral_velocity": np.cos(yaw[:, 0]) * speed[:, 1] - np.sin(yaw[:, 0]) * speed[:, 0],
-        "flow_state": flow_states(states, water),
-        "water_wrench": wrench,
-    }
-    described = {name: VARIABLES[name] for name in values} | {
-        "water_wrench_smooth": ("time body component", "N, N m", "water_wrench, centred moving average")
-    }
-    values["water_wrench_smooth"] = smoothed(wrench, SAMPLING)
-    found = xr.Dataset(
-        {
-            name: (dims.split(), _packed(name, values[name]), {"units": unit, "long_name": text})
-            for name, (dims, unit, text) in described.items()
-        },
-        coords={
-            "time": ("time", states.time, {"units": "s", "long_name": "time since the first sample"}),
-            "body": list(BODIES), "axis": list(PLACES), "quaternion_component": ["w", "x", "y", "z"],
-            "component": list(WRENCH_COMPONENTS), "state": list(FLOW_STATES),
-        },
-        attrs=provenance()
-        | {
-            "title": f"imported from {path.name}", "status": "completed", "scenario": scenario,
-            "parameters": parameters_json({"water": water}),
-        },
-    )  # fmt: skip
-    return with_described_names(found)

@@ -10,9 +10,8 @@ import hashlib
 import json
 import multiprocessing
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -28,7 +27,7 @@ from exumob.learning.fitting import fit_body
 from exumob.learning.presets import Preset
 from exumob.support.declared import checked
 from exumob.support.files import require_folder_name, require_writable
-from exumob.support.processes import end_with_parent
+from exumob.support.processes import end_with_parent, stopping
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity
 from exumob.surrogates.networks import NetworkSet, Single, geometry, read_arrays, write_arrays
@@ -132,7 +131,7 @@ def train(
     files: dict[tuple[str, int], Path] = {}
     context = multiprocessing.get_context("spawn")
     queue = context.SimpleQueue()
-    with _stopping(ProcessPoolExecutor(jobs, context, _begin, (queue, os.getpid()))) as pool:
+    with stopping(ProcessPoolExecutor(jobs, context, _begin, (queue, os.getpid()))) as pool:
         pending: dict[Any, _Task] = {}
         for preset in presets:
             names, bodies = build_examples(runs, vehicle, preset)
@@ -158,19 +157,6 @@ def train(
             }  # fmt: skip
             NetworkSet(preset.architecture, arrays, about).save(files[preset.name, seed])
     return files
-
-
-@contextmanager
-def _stopping(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
-    """A pool that begins nothing more when its leader is stopped."""
-    try:
-        yield pool
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
-        raise
-    pool.shutdown()
 
 
 _queue: Any = None

@@ -25,6 +25,7 @@ from exumob.simulation.description import RunDescription
 from exumob.simulation.over_water import WaterMet
 from exumob.simulation.settings import DEFAULT_SETTING, setting_named
 from exumob.support.measured import flow_load_error, measured_errors
+from exumob.surrogates.ensemble import card_of
 from exumob.surrogates.model import SLOPE_RANGE, SurrogateHydrodynamics
 from exumob.surrogates.networks import GEOMETRY, further_shape
 from exumob.vehicle.parameters import Vehicle
@@ -242,6 +243,8 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     """Networks or coefficients, as if the run were like those that were measured."""
     table, model = measured_errors(), run.hydrodynamics
     name = "networks" if isinstance(model, SurrogateHydrodynamics) else "coefficients"
+    if isinstance(model, SurrogateHydrodynamics) and (card := card_of(model.networks)) is not None:
+        return _learnt(card, soil)
     if isinstance(model, SurrogateHydrodynamics) and not _shipped(model):
         advice = "networks of your own; compare them with runs that they have not learnt."
         return Trust(name, "not validated", "", soil, advice=advice)
@@ -278,11 +281,84 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     return Trust(name, "not validated", error, soil, advice=advice)
 
 
+def _learnt(card: Mapping[str, Any], soil: str) -> Trust:
+    """Networks that carry a report card (`exumob learn`), as if the run were like those of the card."""
+    ends = [abs(float(one["end"])) for one in card["drives"]]
+    drives = (
+        f"{len(ends)} drive{'s' if len(ends) > 1 else ''} kept apart ended {_percent(float(np.mean(ends)))} of the "
+        f"path (at worst {_percent(max(ends))}) from that with the flow in the loop"
+        if ends
+        else "no drive was compared with the flow in the loop"
+    )
+    error = (
+        f"{drives}; on {card['runs']} runs kept apart the loads were off by {card['load_error']:.2g} of their "
+        f"deviation (worst {card['worst_load']}), {100.0 * card['inside']:.0f} % of them within two deviations of the "
+        f"ensemble ({card['vehicle']}, learnt from {card['seconds']:.0f} s of flow on cells of "
+        f"{1e3 * card['cell_size']:.3g} mm, whose own error comes on top)."
+    )
+    if not ends:
+        return Trust("networks", "not validated", error, soil, advice="their drives were never compared. Where known,")
+    return Trust("networks", "measured", error, soil, (), float(np.mean(ends)), max(ends))
+
+
+def _card_departures(
+    run: RunDescription, card: Mapping[str, Any], out_of_range: float | None, met: WaterMet | None
+) -> Iterator[Departure]:
+    """Find in what a run lies beyond what the card of its networks holds."""
+    water, model = run.water, run.hydrodynamics
+    if water is not None:
+        depth: tuple[float, ...] = () if water.depth is None else (water.depth,)
+        current: tuple[float, ...] = () if water.field is not None else (water.current_speed,)
+        aside = math.remainder(water.current_direction - run.start.heading - math.pi, 2.0 * math.pi)
+        if water.depth is None:
+            yield Departure("water", ("a level over terrain" if water.field is None else "a field",), "one depth")
+        if met is not None:
+            depth, current, aside = met.depth, met.current, met.aside
+            yield from _assumed(model, met)
+        diameter = run.vehicle.wheel.diameter
+        for quantity, values, name, unit in (
+            ("depth ratio", tuple(d / diameter for d in depth), "depth_ratio", ""),
+            ("current", current, "current_speed", "m/s"),
+        ):
+            low, high = card[name]
+            if any(not low - 1e-6 <= value <= high + 1e-6 for value in values):
+                yield Departure(quantity, values, f"{low:.3g} to {high:.3g}", unit)
+        ahead = abs(aside) < math.radians(0.5)
+        along = ahead or abs(abs(aside) - math.pi) < math.radians(0.5)
+        if max(current, default=0.0) > 0.0 and not {"ahead": ahead, "along": along}.get(card["directions"], True):
+            yield Departure("current turned from ahead by", (math.degrees(abs(aside)),), card["directions"], "deg")
+    if not _published(run.soil, card["soil"]):
+        yield Departure("soil", (run.soil.name or "of your own",), card["soil"])
+    if not run.terrain.is_flat:
+        yield Departure("terrain", ("not flat",), "flat")
+    kinds = sorted({str(one.get("maneuver", "")) for one in card["drives"]})
+    maneuver = run.maneuver
+    kind = "lane change" if isinstance(maneuver, LaneChange) else type(maneuver).__name__
+    if isinstance(maneuver, ConstantSteer):
+        kind = "straight" if maneuver.angle == 0.0 else "circle"
+    if kind not in kinds:
+        yield Departure("maneuver", (kind,), ", ".join(kinds))
+    if run.forces:
+        yield Departure("forces of your own", (f"{len(run.forces)}",), "none")
+    micro_step, macro_step = setting_named(DEFAULT_SETTING).steps(flow_in_loop=False)
+    most = {"micro_step": micro_step, "macro_step": macro_step}
+    yield from _step_departures(run.steps.micro_step, run.steps.longest_macro_step, most)
+    if isinstance(model, SurrogateHydrodynamics) and not model.fallback:
+        yield Departure("outside their range", ("networks alone",), "the coefficient model takes over")
+    outside = [one["outside"] for one in card["drives"] if isinstance(one.get("outside"), int | float)]
+    longest = max(outside, default=0.0)
+    if out_of_range is not None and out_of_range > longest + 0.005:
+        yield Departure(_RANGE, (100.0 * out_of_range,), f"{100.0 * longest:.2g}", "% of the time")
+
+
 def _departures(
     run: RunDescription, out_of_range: float | None, fallback: float | None, met: WaterMet | None
 ) -> Iterator[Departure]:
     """Find in what a run lies beyond those that were measured with its model and vehicle."""
     table, water, model = measured_errors(), run.water, run.hydrodynamics
+    if isinstance(model, SurrogateHydrodynamics) and (card := card_of(model.networks)) is not None:
+        yield from _card_departures(run, card, out_of_range, met)
+        return
     in_loop = isinstance(model, CfdHydrodynamics)
     rows = _rows_of(table["flow"]["scenario"]) if in_loop else table["runs"]
     yield from _water_departures(run, rows, table["density"], met)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from exumob.simulation.trust import coefficients_off, measured_vehicle, shape_differences
 from exumob.support.declared import checked
+from exumob.surrogates.ensemble import load_members
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
 from exumob.vehicle.parameters import Vehicle
@@ -54,7 +55,8 @@ def hydrodynamics_named(
     water : Water or None
         None: dry ground.
     networks : sequence of NetworkSet or path, optional
-        Members of the ensemble. Default: the networks that come with exumob.
+        Members of the ensemble, or files of one or several (`exumob.surrogates.ensemble`). Default: the networks that
+        come with exumob.
     coefficients : Coefficients, optional
         Coefficients of the coefficient model. Default: the published ones.
 
@@ -69,7 +71,8 @@ def hydrodynamics_named(
         return NoWater()
     if name == "coefficients":
         return CoefficientHydrodynamics(coefficients)
-    model = SurrogateHydrodynamics(list(networks) if networks else None)
+    members = [m for n in networks or () for m in ([n] if isinstance(n, NetworkSet) else load_members(n))]
+    model = SurrogateHydrodynamics(members or None)
     if networks:
         for network in model.networks:
             network.check_vehicle(vehicle)

@@ -143,6 +143,7 @@ def small_peak(harmonics: tuple[int, ...], seed: int) -> Multisine:
     else:
         found = [minimize(norm, start, jac=True, method="L-BFGS-B", options={"maxiter": 200}) for start in starts]
         best = min(found, key=lambda result: result.fun).x
-    signal = np.sin(turns + best).sum(axis=1)
+    fine = np.arange(4 * len(cycles)) / (4 * len(cycles))
+    signal = np.sin(2.0 * math.pi * np.outer(fine, harmonics) + best).sum(axis=1)
     phases = tuple(float(phase) for phase in np.mod(best, 2.0 * math.pi))
     return Multisine(harmonics, phases, 1.0 / float(np.abs(signal).max()))

@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.flow import FlowSettings
+from exumob.flow.revision import solver_revision
 from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.support.arrays import Array
 from exumob.support.files import PACKAGE
@@ -51,12 +52,7 @@ def flow_revision() -> str:
 
     These are the folders of the flow solver and of the towing tank; what only draws or writes a flow is left out.
     """
-    digest = hashlib.sha256()
-    for file in sorted([*(PACKAGE / "flow").rglob("*.py"), *(PACKAGE / "towing_tank").rglob("*.py")]):
-        place = file.relative_to(PACKAGE).as_posix()
-        if not place.startswith("flow/output/") and place != "towing_tank/plots.py":
-            digest.update(place.encode() + file.read_bytes())
-    return digest.hexdigest()[:12]
+    return solver_revision((PACKAGE / "towing_tank",))
 
 
 def finished_run(

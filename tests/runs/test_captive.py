@@ -165,3 +165,34 @@ def test_ctrl_c_keeps_what_it_has():
         captive_run(VEHICLE, WATER, progress=stop, **COARSE)
     assert caught.value.result.sizes["time"] == 2
     assert caught.value.result.attrs["status"] == "interrupted at 0.0100 s"
+
+
+# -- checkpoints -------------------------------------------------------------------------------------------------------
+
+
+def test_a_run_that_was_stopped_goes_on_with_the_same_bits(tmp_path, monkeypatch):
+    monkeypatch.setattr("exumob.towing_tank.run.CHECKPOINT_INTERVAL", 0.02)
+    whole = captive_run(VEHICLE, WATER, DRIFTING, **COARSE)
+    file, reached = tmp_path / "run.npz", []
+
+    def stop(time):
+        reached.append(time)
+        if time > 0.032:
+            raise KeyboardInterrupt
+
+    with pytest.raises(SimulationInterrupted):
+        captive_run(VEHICLE, WATER, DRIFTING, checkpoint=file, progress=stop, **COARSE)
+    with pytest.raises(ValueError, match="exists already; resume from it"):
+        captive_run(VEHICLE, WATER, DRIFTING, checkpoint=file, **COARSE)
+    with pytest.raises(ValueError, match="belongs to another run: motion differs"):
+        other = dataclasses.replace(DRIFTING, speed=0.9)
+        captive_run(VEHICLE, WATER, other, checkpoint=file, resume=True, **COARSE)
+    times = []
+    found = captive_run(VEHICLE, WATER, DRIFTING, checkpoint=file, resume=True, progress=times.append, **COARSE)
+    assert times[0] == pytest.approx(0.04)  # the interval in which it was stopped is not made again
+    for name in VARIABLES:
+        assert np.array_equal(found[name].values, whole[name].values), name
+    with pytest.raises(ValueError, match="nothing to go on from without checkpoint"):
+        captive_run(VEHICLE, WATER, DRIFTING, resume=True, **COARSE)
+    with pytest.raises(ValueError, match="keeps no snapshots"):
+        captive_run(VEHICLE, WATER, DRIFTING, checkpoint=tmp_path / "b.npz", snapshots=0.05, **COARSE)

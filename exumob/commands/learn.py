@@ -1,0 +1,210 @@
+"""The command `exumob learn`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from exumob.commands.driving import cells_of
+from exumob.commands.options import EXPERT, OUTPUT, RUN, WATER, VehicleFile, Workers, option, option_names
+from exumob.commands.shared import console, counting_bar, errors, fail, simulated_time_bar, vehicle_of
+from exumob.support.quantities import CELL_SIZE, shown
+
+if TYPE_CHECKING:
+    from exumob.learning.campaign import LearningFolder, RunProgress
+    from exumob.learning.plan import LearningPlan, LearningRange
+
+MOST = 1000
+"""Most seeds and workers."""
+
+
+class Sides(StrEnum):
+    """Where currents come from."""
+
+    ahead = "ahead"
+    along = "along"
+    all = "all"
+
+
+def learn_command(  # one argument an option of the command line
+    vehicle: VehicleFile = None,
+    depth: Annotated[str, option(WATER, "Smallest and largest depth over the tyre's diameter, LOW:HIGH.")] = "0.2:0.9",
+    current: Annotated[
+        str,
+        option(
+            WATER,
+            "Smallest and largest speed of the current, LOW:HIGH [m/s], of a vehicle of the paper's size; scaled to "
+            "this one by Froude's law.",
+        ),
+    ] = "0:1.5",
+    directions: Annotated[
+        Sides, option(WATER, "Where currents come from: ahead, ahead and behind (along), or all sides.")
+    ] = Sides.all,
+    budget: Annotated[float, option(RUN, "Time of a core for runs and training. [h]")] = 12.0,
+    output: Annotated[
+        Path | None, option(OUTPUT, "Folder for runs, networks and report card; needed but with --plan.")
+    ] = None,
+    plan: Annotated[bool, option(RUN, "Print the plan, and do nothing else.", "--plan")] = False,
+    jobs: Workers = 2,
+    cell_size: Annotated[
+        float | None,
+        option(EXPERT, "Width of the flow solver's cells. Default: 0.0575 of the tyre's diameter.", of=CELL_SIZE),
+    ] = None,
+    preset: Annotated[str, option(EXPERT, "What to train, by name (`exumob train`).")] = "residual",
+    seeds: Annotated[int, option(EXPERT, "Networks of each body; their spread is the error bar.")] = 5,
+    run_time: Annotated[
+        float | None,
+        option(EXPERT, "Simulated time of a captive run. Default: by Froude's law, 8 s on a wheelbase of 0.714 m. [s]"),
+    ] = None,
+    mixed: Annotated[
+        bool, option(EXPERT, "Learn from runs of several versions of the flow solver, too.", "--mixed")
+    ] = False,
+) -> None:
+    """Teach networks the water's loads on a vehicle, and write what they are worth on a report card.
+
+    Plans flow runs that a budget buys, makes them, trains, and tries the networks on runs kept apart. It can be stopped
+    at any time: the same command goes on. A larger budget adds to what is there.
+
+    Example: exumob learn --vehicle car.py --budget 12 --output car_networks --plan
+    """
+    from exumob.learning.plan import LearningRange, make_plan
+
+    folder: LearningFolder | None = None
+    try:
+        for name, number in (("--seeds", seeds), ("--jobs", jobs)):
+            if not 1 <= number <= MOST:
+                raise ValueError(f"{name} {shown(number)} must be 1 to {MOST}; give a number within.")
+        if output is None and not plan:
+            raise ValueError("--output is missing; give the folder for runs and networks, or --plan to see the plan.")
+        from exumob.learning.presets import PRESETS
+
+        if preset not in PRESETS:
+            raise ValueError(f"--preset {shown(preset)} is not known; use {', '.join(PRESETS)}.")
+        car = vehicle_of(vehicle)
+        with option_names():
+            wanted = LearningRange(_pair("--depth", depth), _pair("--current", current), directions.value)
+            size = CELL_SIZE.check("--cell-size", cells_of(car) if cell_size is None else cell_size)
+            _check_numbers(budget, run_time)
+        if not plan:
+            _require_torch()
+            from exumob.learning.campaign import LearningFolder
+
+            assert output is not None
+            folder = LearningFolder(output)
+            folder.claim(car, size)
+        envelope = _envelope(car, wanted, output if output is not None else Path())
+        with option_names():
+            made = make_plan(car, wanted, budget, size, envelope, seeds=seeds, run_time=run_time)
+        for line in made.lines(jobs):
+            console.print(line, soft_wrap=True)
+        if folder is None:
+            return
+        from exumob.learning.learn import keep_envelope
+
+        keep_envelope(envelope, car, wanted, folder.path)
+        folder.load(mixed)
+    except (ValueError, OSError, ImportError) as error:
+        fail(error)
+    try:
+        failed = _make_runs(made, folder, jobs, mixed)
+        _train(made, folder, preset, jobs, mixed, failed)
+    except (ValueError, RuntimeError, OSError) as error:
+        fail(error)
+    except KeyboardInterrupt:
+        errors.print(f"Stopped; the same command goes on with {folder.path}.", soft_wrap=True)
+        raise typer.Exit(130) from None
+    raise typer.Exit(1 if failed else 0)
+
+
+def _require_torch() -> None:
+    try:
+        import torch  # noqa: F401
+    except ImportError as error:
+        raise ImportError(f"{error}; training needs torch: pip install 'exumob[train]'") from None
+
+
+def _check_numbers(budget: float, run_time: float | None) -> None:
+    """Refuse a budget or a time of which no plan can be made."""
+    from exumob.learning.plan import BUDGET
+    from exumob.support.quantities import DURATION
+
+    BUDGET.check("--budget", budget)
+    if run_time is not None:
+        DURATION.check("--run-time", run_time)
+
+
+def _pair(option: str, text: str) -> tuple[float, float]:
+    """Read LOW:HIGH."""
+    try:
+        low, high = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise ValueError(f"{option} {shown(text)} is not of the form LOW:HIGH; give two numbers, as 0.2:0.9.") from None
+    return low, high
+
+
+def _envelope(car, wanted: LearningRange, folder: Path):  # type: ignore[no-untyped-def]
+    """Find the ranges of the motion, by cheap drives if they are not known yet."""
+    from exumob.learning.learn import stored_envelope
+
+    with counting_bar("drives with coefficients, for the ranges of the motion", 1, "drives") as (bar, task):
+        return stored_envelope(car, wanted, folder, lambda done, of: bar.update(task, completed=done, total=of))
+
+
+def _make_runs(made: LearningPlan, folder: LearningFolder, jobs: int, mixed: bool) -> dict[str, str]:
+    """Make the runs that are missing; say what broke down."""
+    from exumob.learning.campaign import run_campaign
+
+    missing = folder.unfinished(made.tasks)
+    if there := len(made.tasks) - len(missing):
+        console.print(f"{there} of {len(made.tasks)} runs are there already")
+    if not missing:
+        return {}
+    total = sum(task.duration for task in missing)
+    reached = {task.name: 0.0 for task in missing}
+    with simulated_time_bar(total, "preparing", "flow runs") as advance:
+
+        def progress(step: RunProgress) -> None:
+            reached[step.name] = max(step.time, 0.0)
+            advance(min(sum(reached.values()), total))
+            if step.done:
+                console.print(f"{step.name}: {step.error or 'finished'}", soft_wrap=True)
+
+        return run_campaign(missing, made.vehicle, folder, jobs=jobs, anew=mixed, progress=progress)
+
+
+def _train(
+    made: LearningPlan, folder: LearningFolder, preset: str, jobs: int, mixed: bool, failed: dict[str, str]
+) -> None:  # fmt: skip
+    """Train, validate, and say what came of it."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from exumob.learning.learn import learn_from
+    from exumob.learning.presets import PRESETS
+    from exumob.learning.training import Progress
+
+    with counting_bar("training", 5 * made.seeds, "networks") as (bar, task):
+
+        def progress(step: Progress) -> None:
+            bar.update(task, description=f"training, seed {step.seed}, {step.body}", advance=1 if step.done else 0)
+
+        found = learn_from(made, folder, PRESETS[preset], jobs=jobs, mixed=mixed, failed=failed, progress=progress)
+    figures = found.figures
+    ends = [100.0 * one["end"] for one in figures["drives"]]
+    console.print(
+        f"loads     off by {figures['load_error']:.2f} of their deviation on {figures['runs']} runs kept apart "
+        f"(coefficients alone: {figures['coefficients_load_error']:.2f}; worst: {figures['worst_load']})",
+        soft_wrap=True,
+    )
+    console.print(
+        f"drives    end {sum(ends) / len(ends):.2g} % of the path (at worst {max(ends):.2g} %) from those with the "
+        f"flow in the loop ({len(ends)} drives)"
+        if ends
+        else "drives    none could be compared with the flow in the loop",
+        soft_wrap=True,
+    )
+    console.print(f"networks  {found.networks}: exumob drive --networks {found.networks}", soft_wrap=True)
+    console.print(f"card      {found.card}", soft_wrap=True)

@@ -1,0 +1,358 @@
+"""The runs of a plan in one folder: side by side, each resumable; what is finished is never made again.
+
+The folder holds ``learning.json`` (of which vehicle it is, on which cells), ``runs`` (packed runs, netCDF, those of
+others too) and ``work`` (checkpoints of unfinished runs). A run that is killed goes on from its checkpoint, with half a
+second of simulated time lost at most.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import multiprocessing
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from exumob.coupling.flow_code import BuiltInFlow
+from exumob.coupling.flow_in_loop import CfdHydrodynamics
+from exumob.coupling.macro_step import FollowFlow
+from exumob.flow.revision import solver_revision
+from exumob.ground.soil import Soil
+from exumob.learning.dataset import SAMPLING, check_run, histories, pack
+from exumob.learning.plan import LONGEST_MACRO_STEP, MICRO_STEP, CaptiveTask, Task
+from exumob.paper.reference_runs import SOIL
+from exumob.simulation.result_files import load_dataset, save_dataset
+from exumob.simulation.run import simulate
+from exumob.support.arrays import Array
+from exumob.support.files import require_folder_name, require_writable, write_text
+from exumob.support.processes import end_with_parent, stopping
+from exumob.support.provenance import parameters_json, provenance
+from exumob.towing_tank.run import captive_run
+from exumob.vehicle.motion import BodyStates
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.mesh_file import mesh_digest, mesh_provenance
+
+logger = logging.getLogger(__name__)
+
+POLL = 0.2
+"""Interval at which progress is reported [s]."""
+ROOM = 50_000_000
+"""Room that the folder must have [bytes]."""
+TOLD = 0.05
+"""Simulated time between two words of a run on how far it is [s]."""
+ABOUT = "learning.json"
+"""File of a folder that says whose it is."""
+
+
+@dataclass(frozen=True)
+class LearningFolder:
+    """The folder of one vehicle's runs and networks.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be made or written, or its name is that of a file.
+    """
+
+    path: Path
+
+    def __post_init__(self) -> None:
+        require_folder_name("--output", self.path)
+        try:
+            for folder in (self.runs, self.work):
+                folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ValueError(
+                f"--output {self.path}: the folder cannot be made ({error.strerror}); give one in which you may write."
+            ) from None
+        require_writable(self.work / "run.npz", ROOM)
+
+    @property
+    def runs(self) -> Path:
+        """Folder of the packed runs."""
+        return self.path / "runs"
+
+    @property
+    def work(self) -> Path:
+        """Folder of the checkpoints."""
+        return self.path / "work"
+
+    def about(self) -> dict[str, Any]:
+        """Return what the folder says of itself; empty if it is new.
+
+        Raises
+        ------
+        ValueError
+            If the file is damaged.
+        """
+        file = self.path / ABOUT
+        if not file.exists():
+            return {}
+        try:
+            found = json.loads(file.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise ValueError(f"{file} cannot be read ({error}); use a whole copy, or another folder.") from None
+        if not isinstance(found, dict):
+            raise ValueError(f"{file} is not what was written; use a whole copy, or another folder.")
+        return found
+
+    def claim(self, vehicle: Vehicle, cell_size: float) -> None:
+        """Take the folder for a vehicle and a size of the cells, or refuse it if it is another's.
+
+        Raises
+        ------
+        ValueError
+            Naming what differs.
+        """
+        mine = {
+            "vehicle": json.loads(parameters_json({"vehicle": vehicle}))["vehicle"], "hull": mesh_digest(vehicle.hull),
+            "cell_size": float(cell_size),
+        }  # fmt: skip
+        found = self.about()
+        if found:
+            differing = _differences(found.get("vehicle"), mine["vehicle"])
+            if found.get("hull") != mine["hull"]:
+                differing.append("the contents of Hull.mesh")
+            if differing:
+                raise ValueError(
+                    f"--output {self.path} holds the runs of another vehicle: {'; '.join(differing[:3])}"
+                    f"{f'; and {len(differing) - 3} more' if len(differing) > 3 else ''}. Give another folder, or the "
+                    "vehicle of this one."
+                )
+            if found.get("cell_size") != mine["cell_size"]:
+                raise ValueError(
+                    f"--output {self.path} holds runs on cells of {found.get('cell_size')} m, and --cell-size is "
+                    f"{cell_size:g} m; runs on different cells differ by more than networks. Give --cell-size "
+                    f"{found.get('cell_size')}, or another folder."
+                )
+        self.note(mine)
+
+    def note(self, more: Mapping[str, Any]) -> None:
+        """Add to what the folder says of itself."""
+        write_text(self.path / ABOUT, json.dumps(self.about() | dict(more), indent=1))
+
+    def unfinished(self, tasks: Sequence[Task]) -> list[Task]:
+        """Return the tasks whose runs are not there yet."""
+        return [task for task in tasks if not (self.runs / f"{task.name}.nc").exists()]
+
+    def load(self, mixed: bool = False) -> dict[str, xr.Dataset]:
+        """Load all runs by name, with those that others have put there.
+
+        Parameters
+        ----------
+        mixed : bool
+            Take runs of several versions of the flow solver.
+
+        Raises
+        ------
+        ValueError
+            If a file is no run to learn from, or runs were made with several versions of the flow solver.
+        """
+        found: dict[str, xr.Dataset] = {}
+        for file in sorted(self.runs.glob("*.nc")):
+            run = load_dataset(file)
+            check_run(run, str(file))
+            found[file.stem] = run
+        versions = {
+            name: str(run.attrs["flow_revision"]) for name, run in found.items() if "flow_revision" in run.attrs
+        }
+        different = sorted({*versions.values(), *([solver_revision()] if versions else [])})
+        if len(different) > 1 and not mixed:
+            old = sorted(name for name, version in versions.items() if version != solver_revision())
+            raise ValueError(
+                f"{self.runs}: {len(old)} of {len(versions)} runs were made with another version of the flow solver "
+                f"({', '.join(old[:3])}{' ...' if len(old) > 3 else ''}); loads of two versions may differ. Move them "
+                "away, so that they are made anew, or accept them (--mixed)."
+            )
+        return found
+
+
+def _differences(kept: Any, mine: Any, before: str = "") -> list[str]:
+    """Say in which parameters two vehicles differ."""
+    if isinstance(kept, dict) and isinstance(mine, dict):
+        names = [name for name in dict.fromkeys([*kept, *mine]) if f"{before}{name}" != "Vehicle.name"]
+        return [
+            text for name in names for text in _differences(kept.get(name), mine.get(name), f"{before}{name}.")
+        ]  # fmt: skip
+    if kept == mine:
+        return []
+    name = before.removeprefix("Vehicle.").removesuffix(".")
+    return [f"{name} was {kept}, is {mine}"]
+
+
+@dataclass(frozen=True)
+class RunProgress:
+    """How far a run is."""
+
+    name: str
+    time: float
+    """Simulated time reached [s]; negative: before the release"""
+    done: bool = False
+    error: str = ""
+    """What ended it, if it broke down"""
+
+
+def run_campaign(
+    tasks: Sequence[Task], vehicle: Vehicle, folder: LearningFolder, *, jobs: int = 1, anew: bool = False,
+    progress: Callable[[RunProgress], None] | None = None,
+    compute: Callable[[Task, Vehicle, Path, Callable[[float], None]], xr.Dataset] | None = None,
+) -> dict[str, str]:  # fmt: skip
+    """Make the runs that are missing, side by side, each in a process of its own with one thread.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+    vehicle : Vehicle
+    folder : LearningFolder
+    jobs : int
+        Number of processes.
+    anew : bool
+        Begin runs anew whose checkpoints are of another version; else they are errors.
+    progress : callable, optional
+        Called as runs go on.
+    compute : callable, optional
+        Makes a run: task, vehicle, file of its checkpoint, and what takes the time reached [s]. Default:
+        `compute_task`. It must be a function of a module, as other processes call it.
+
+    Returns
+    -------
+    dict
+        Errors of runs that broke down, by name; the others are in the folder.
+    """
+    missing = folder.unfinished(tasks)
+    failed: dict[str, str] = {}
+    if not missing:
+        return failed
+    context = multiprocessing.get_context("spawn")
+    queue = context.SimpleQueue()
+    pool = ProcessPoolExecutor(max(1, min(jobs, len(missing))), context, _begin, (queue, os.getpid()))
+    with stopping(pool):
+        pending = {
+            pool.submit(_compute_and_keep, task, vehicle, folder.path, anew, compute or compute_task): task
+            for task in missing
+        }
+        left = set(pending)
+        while left:
+            ended = wait(left, POLL, FIRST_COMPLETED).done
+            while not queue.empty():
+                reached = queue.get()
+                if progress is not None:
+                    progress(reached)
+            for future in ended:
+                left.remove(future)
+                error = future.exception()
+                name = pending[future].name
+                if isinstance(error, BrokenProcessPool):
+                    failed[name] = "its process, or one beside it, was killed; the same command goes on"
+                elif error is not None:
+                    failed[name] = str(error) or type(error).__name__
+                if progress is not None:
+                    progress(RunProgress(name, pending[future].duration, True, failed.get(name, "")))
+    return failed
+
+
+_queue: Any = None
+"""What takes the progress, in a process of the pool."""
+
+
+def _begin(queue: Any, leader: int) -> None:
+    """Begin a process of the pool: it ends with its leader, even if that is killed."""
+    global _queue
+    _queue = queue
+    logging.getLogger("exumob").setLevel(logging.ERROR)  # the plan has said what the cells lose
+    end_with_parent(leader)
+
+
+def _compute_and_keep(task: Task, vehicle: Vehicle, folder: Path, anew: bool, compute: Callable[..., Any]) -> None:
+    told = -np.inf
+    checkpoint = folder / "work" / f"{task.name}.npz"
+
+    def progress(time: float) -> None:
+        nonlocal told
+        if time >= told + TOLD:
+            told = time
+            _queue.put(RunProgress(task.name, time))
+
+    try:
+        run = compute(task, vehicle, checkpoint, progress)
+    except ValueError as error:
+        if not (anew and "belongs to another run" in str(error)):
+            raise
+        checkpoint.unlink()
+        run = compute(task, vehicle, checkpoint, progress)
+    save_dataset(run, folder / "runs" / f"{task.name}.nc", elsewhere=False)
+    checkpoint.unlink(missing_ok=True)
+
+
+def compute_task(task: Task, vehicle: Vehicle, checkpoint: Path, progress: Callable[[float], None]) -> xr.Dataset:
+    """Make a run with the built-in flow solver, or continue it from its checkpoint; return it packed.
+
+    Raises
+    ------
+    SimulationError
+        If the run breaks down; its checkpoint is kept.
+    """
+    more = {
+        "scenario": task.name, "role": task.role, "flow_revision": solver_revision(), "cell_size": task.cell_size,
+    }  # fmt: skip
+    if isinstance(task, CaptiveTask):
+        result = captive_run(
+            vehicle, task.water, task.motion, cell_size=task.cell_size, duration=task.duration, interval=task.interval,
+            allow_coarse=True, progress=progress, checkpoint=checkpoint, resume=True,
+        )  # fmt: skip
+        return captive_histories(result, task, vehicle).assign_attrs(more)
+    flow = BuiltInFlow(task.cell_size, allow_coarse=True)
+    result = simulate(
+        vehicle, Soil.published(SOIL), task.water, task.maneuver, CfdHydrodynamics(flow, progress=progress),
+        duration=task.duration, micro_step=MICRO_STEP, macro_step=FollowFlow(MICRO_STEP, LONGEST_MACRO_STEP),
+        record_step=SAMPLING, checkpoint=checkpoint, resume=True, progress=progress,
+    )  # fmt: skip
+    return pack(result).assign_attrs(more)
+
+
+def captive_histories(result: xr.Dataset, task: CaptiveTask, vehicle: Vehicle) -> xr.Dataset:
+    """Return a captive run as a run to learn from: motion and loads at every millisecond.
+
+    The loads of a captive run are means over intervals: each stands for the middle of its interval, with straight
+    lines between. The motion is prescribed, and known at every instant.
+
+    Parameters
+    ----------
+    result : xarray.Dataset
+        Result of `exumob.towing_tank.captive_run`.
+    task : CaptiveTask
+    vehicle : Vehicle
+    """
+    ends = result["time"].values
+    interval = float(ends[1] - ends[0]) if len(ends) > 1 else float(ends[0])
+    first = max(round(interval / SAMPLING), 1)
+    time: Array = SAMPLING * np.arange(first, round(float(ends[-1]) / SAMPLING) + 1, dtype=float)
+    loads = np.concatenate([result["force"].values, result["moment"].values], axis=-1).reshape(len(ends), -1)
+    middles = ends - 0.5 * interval
+    wrench = np.stack([np.interp(time, middles, column) for column in loads.T], axis=1).reshape(len(time), 5, 6)
+    states = prescribed_states(task, vehicle, time)
+    attrs = provenance() | mesh_provenance(vehicle.hull) | {
+        "title": f"exumob captive run of {vehicle.name}", "status": result.attrs["status"],
+        "parameters": parameters_json({"vehicle": vehicle, "water": task.water, "motion": task.motion}),
+        "wall_time": result.attrs["wall_time"], "interval": interval,
+    }  # fmt: skip
+    return histories(states, wrench, task.water, attrs)
+
+
+def prescribed_states(task: CaptiveTask, vehicle: Vehicle, time: Array) -> BodyStates:
+    """Return the states of the five bodies of a captive run at times a millisecond apart [s]."""
+    poses = [task.motion.poses(vehicle, task.water, float(t)) for t in time]
+    velocity, angular = (np.array([getattr(p, name) for p in poses]) for name in ("velocity", "angular_velocity"))
+    return BodyStates(
+        time, np.array([p.position for p in poses]), np.array([p.rotation for p in poses]), velocity, angular,
+        np.gradient(velocity, time, axis=0), np.gradient(angular, time, axis=0),
+        np.array([p.spin[1:] for p in poses]),
+    )  # fmt: skip

@@ -1,0 +1,165 @@
+"""Ranges within which captive runs move a vehicle, from cheap drives: coefficients for the water, a second each.
+
+The vehicle drives over three soils of the table, from firm to soft, in shallow and deep water and in currents from all
+sides that are wanted: lane changes, circles, a start and a stop, reversing. What 99 of 100 instants of all drives reach
+is the envelope; motions that are possible and not among these drives are not in it.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+import xarray as xr
+
+from exumob.driving.maneuver import ConstantSteer, LaneChange, Maneuver, Recorded, smooth_step
+from exumob.ground.soil import Soil
+from exumob.simulation.run import simulate
+from exumob.simulation.settings import time_scale, usual_speed
+from exumob.support.arrays import Array
+from exumob.support.errors import SimulationError
+from exumob.towing_tank.excitation import CHANNELS, SLOW, Envelope
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.conditions import Water
+
+logger = logging.getLogger(__name__)
+
+SOILS = ("Grenville loam 24 %", "LETE sand", "North Gower clayey loam 46 %")
+"""Soils of the drives."""
+DURATION = 6.0
+"""Of a drive, times `time_scale` [s]."""
+RECORD_STEP = 1e-2
+"""Interval of the instants that are looked at [s]."""
+TAILS = 0.01
+"""Part of the instants that may lie below, and above, the envelope [-]."""
+MARGIN, WAVES_MARGIN = 0.1, 0.5
+"""By how much the ranges are made wider on either side, over their width [-]; the second one of heave, pitch and roll:
+the coefficient model knows no waves, and with the flow in the loop the vehicle trims about twice as much."""
+LEAST = {"speed": 0.1, "sway": 0.05, "yaw_rate": 0.1, "slip": 0.05, "steering": 0.1, "pitch": 0.01, "roll": 0.01}
+"""Least half widths, over the usual speed, the usual speed over the wheelbase, or as they are [rad]; those of heave and
+sinkage are a fiftieth of the tyre's diameter."""
+REVERSING = -0.5
+"""Speed of the tread in reverse, over the usual one [-]."""
+STEERING = math.radians(30.0)
+"""Largest angle of the front wheels, if the vehicle can steer as far [rad]."""
+FASTER = 2.0
+"""Highest frequency excited over the mean one of the drives [-]."""
+SLOW_BAND, FAST_BAND = (0.5, 1.5), (2.0, 5.0)
+"""Least and greatest value of the highest frequency, times `time_scale` [Hz]."""
+
+
+def envelope_of(
+    vehicle: Vehicle, waters: Sequence[Water], progress: Callable[[int, int], None] | None = None
+) -> Envelope:
+    """Drive a vehicle through waters with the coefficient model and return the envelope of its motion.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    waters : sequence of Water
+    progress : callable, optional
+        Called after each drive with the number of those done and of all.
+
+    Raises
+    ------
+    ValueError
+        If no drive of the vehicle gave any motion.
+    """
+    cases = [(soil, water) for soil in SOILS for water in waters]
+    found: list[tuple[Array, Array]] = []
+    choice = drives(vehicle)
+    for n, (soil, water) in enumerate(cases):
+        maneuver = choice[(n + n // len(choice)) % len(choice)]
+        try:
+            with _quiet():  # how these drives start and end is no matter
+                run: xr.Dataset | None = simulate(
+                    vehicle, Soil.published(soil), water, maneuver, "coefficients",
+                    duration=math.ceil(10.0 * DURATION * time_scale(vehicle)) / 10.0, record_step=RECORD_STEP,
+                )  # fmt: skip
+        except SimulationError as error:  # until it sank, say, it drove as vehicles do
+            logger.info("%s", error)
+            run = error.result
+        if run is not None and run.sizes["time"] > 10:
+            found.append(channels_of(run, vehicle))
+        if progress is not None:
+            progress(n + 1, len(cases))
+    if not found:
+        raise ValueError(f"envelope_of.vehicle: no drive of {vehicle.name} gave any motion; look at its parameters.")
+    return _envelope(vehicle, found)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Let the package say nothing below an error."""
+    package = logging.getLogger("exumob")
+    before = package.level
+    package.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        package.setLevel(before)
+
+
+def drives(vehicle: Vehicle) -> list[Maneuver]:
+    """Return the maneuvers of the drives, in the times that suit the vehicle."""
+    unit, spin = time_scale(vehicle), usual_speed(vehicle) / vehicle.wheel.radius
+    angle = min(STEERING, vehicle.steering.limit)
+    times = np.linspace(0.0, DURATION, 61)
+    going = np.array([smooth_step(t)[0] - smooth_step(t - 0.5 * DURATION)[0] for t in times])
+    return [
+        LaneChange(angle, 1.5 * unit, 5.0 * unit, spin, unit),
+        Recorded(unit * times, 0.0 * times, spin * going),
+        ConstantSteer(-0.7 * angle, spin, unit),
+        ConstantSteer(0.3 * angle, REVERSING * spin, unit),
+    ]
+
+
+def channels_of(run: xr.Dataset, vehicle: Vehicle) -> tuple[Array, Array]:
+    """Return the channels of `exumob.towing_tank.excitation.CHANNELS` along a run, and their rates.
+
+    Returns
+    -------
+    values : array, shape (n, 9)
+        SI units; of the sinkage the mean of the wheels.
+    rates : array, shape (n, 9)
+        Per second.
+    """
+    hull = run.sel(body="hull")
+    forward = run["forward_velocity"].values
+    heights = run["position"].values[:, 1:, 2]
+    values = np.column_stack([
+        forward, run["lateral_velocity"].values, hull["angular_velocity"].values[:, 2],
+        run["wheel_speed"].values.mean(axis=1) * vehicle.wheel.radius - forward,
+        run["steering_angle"].values.mean(axis=1),
+        hull["position"].values[:, 2] - vehicle.hull.center_of_mass_height, hull["pitch"].values, hull["roll"].values,
+        vehicle.wheel.radius - heights.mean(axis=1),
+    ])  # fmt: skip
+    return values, np.gradient(values, run["time"].values, axis=0)
+
+
+def _envelope(vehicle: Vehicle, found: Sequence[tuple[Array, Array]]) -> Envelope:
+    values, rates = (np.concatenate([one[k] for one in found]) for k in range(2))
+    low, high = np.quantile(values, [TAILS, 1.0 - TAILS], axis=0)
+    speed, size = usual_speed(vehicle), 0.02 * vehicle.wheel.diameter
+    unit = {"speed": speed, "sway": speed, "slip": speed, "yaw_rate": speed / vehicle.wheelbase}
+    least = np.array([LEAST.get(name, size) * unit.get(name, 1.0) for name in CHANNELS])
+    waves = np.isin(CHANNELS, ("heave", "pitch", "roll"))
+    margin = np.where(waves, WAVES_MARGIN, MARGIN) * (high - low)
+    low, high = low - margin, high + margin
+    for name in ("sway", "yaw_rate", "steering", "roll"):  # to the left as to the right
+        k = CHANNELS.index(name)
+        low[k], high[k] = -max(-low[k], high[k]), max(-low[k], high[k])
+    middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), least)
+    limit = vehicle.steering.limit
+    ranges = {name: (float(m - h), float(m + h)) for name, m, h in zip(CHANNELS, middle, half, strict=True)}
+    ranges["steering"] = (max(ranges["steering"][0], -limit), min(ranges["steering"][1], limit))
+    frequency = FASTER * rates.std(axis=0) / np.maximum(values.std(axis=0), 1e-9) / (2.0 * math.pi)
+    scale = time_scale(vehicle)
+    slow, fast = (
+        min(max(float(np.median(part)), band[0] / scale), band[1] / scale)
+        for part, band in ((frequency[:SLOW], SLOW_BAND), (frequency[SLOW:], FAST_BAND))
+    )
+    return Envelope(**ranges, slow=slow, fast=fast)

@@ -1,0 +1,133 @@
+"""From a vehicle to networks with a report card: plan, runs, training, validation; each step goes on where it was."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from exumob.learning.campaign import LearningFolder
+from exumob.learning.envelope import envelope_of
+from exumob.learning.plan import LearningPlan, LearningRange
+from exumob.learning.presets import Preset
+from exumob.learning.report_card import CardContents, report_card
+from exumob.learning.training import Progress, train
+from exumob.learning.validation import card_figures, compare_drives, compare_loads, load_errors
+from exumob.support.files import write_text
+from exumob.support.identity import digest
+from exumob.support.provenance import parameters_json
+from exumob.surrogates.ensemble import save_ensemble
+from exumob.surrogates.networks import NetworkSet
+from exumob.towing_tank.excitation import Envelope
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.mesh_file import mesh_digest
+
+NETWORKS, CARD = "networks.safetensors", "report_card.html"
+"""Files of the networks and of the report card in a folder."""
+LEAST_TAUGHT = 2
+"""Runs to learn from that there must be: one of them is for validation while training."""
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """What came of it."""
+
+    networks: Path
+    card: Path
+    figures: dict[str, Any]
+    """See `exumob.learning.validation.card_figures`"""
+
+
+def stored_envelope(
+    vehicle: Vehicle, wanted: LearningRange, folder: Path, progress: Callable[[int, int], None] | None = None
+) -> Envelope:
+    """Return the envelope of a vehicle for a range: that of the folder, if there is one, else that of new drives.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    wanted : LearningRange
+    folder : Path
+        Of `exumob.learning.campaign.LearningFolder`; it need not be there, and nothing is written.
+    progress : callable, optional
+        See `exumob.learning.envelope.envelope_of`.
+    """
+    key = envelope_key(vehicle, wanted)
+    try:
+        text = (folder / f"envelope_{key}.json").read_text(encoding="utf-8")
+        kept: Any = {name: tuple(v) if isinstance(v, list) else v for name, v in json.loads(text).items()}
+        return Envelope(**kept)
+    except (OSError, ValueError, TypeError, AttributeError):  # not there, or of another version
+        return envelope_of(vehicle, wanted.samples(vehicle), progress)
+
+
+def keep_envelope(envelope: Envelope, vehicle: Vehicle, wanted: LearningRange, folder: Path) -> None:
+    """Keep an envelope, so that a run that goes on is the one that was begun."""
+    write_text(folder / f"envelope_{envelope_key(vehicle, wanted)}.json", json.dumps(asdict(envelope)))
+
+
+def envelope_key(vehicle: Vehicle, wanted: LearningRange) -> str:
+    """Return a short hash of all that an envelope is made from, but for the program."""
+    return digest(parameters_json({"vehicle": vehicle, "range": wanted}) + mesh_digest(vehicle.hull))
+
+
+def learn_from(  # each argument is a choice of its own
+    plan: LearningPlan, folder: LearningFolder, preset: Preset, *, jobs: int = 1, mixed: bool = False,
+    failed: Mapping[str, str] | None = None, progress: Callable[[Progress], None] | None = None,
+) -> Learnt:  # fmt: skip
+    """Train networks from the runs of a folder, try them on those kept apart, and write networks and report card.
+
+    Runs kept apart are those whose attribute ``role`` says so; all others in the folder teach, those of other programs
+    too.
+
+    Parameters
+    ----------
+    plan : LearningPlan
+    folder : LearningFolder
+    preset : Preset
+    jobs : int
+        Processes of the training.
+    mixed : bool
+        Take runs of several versions of the flow solver.
+    failed : mapping, optional
+        Errors of runs that broke down, by name.
+    progress : callable, optional
+        Called after each epoch of each network.
+
+    Raises
+    ------
+    ValueError
+        If there are too few runs, or they are of another vehicle.
+    """
+    runs = folder.load(mixed)
+    taught = {name: run for name, run in runs.items() if run.attrs.get("role") != "apart"}
+    apart = {name: run for name, run in runs.items() if name not in taught}
+    if len(taught) < LEAST_TAUGHT or not apart:
+        raise ValueError(
+            f"--output {folder.path}: {len(taught)} runs to learn from and {len(apart)} kept apart; {LEAST_TAUGHT} and "
+            "one are the least. See why runs broke down, or give a larger --budget."
+        )
+    files = train([preset], taught, plan.vehicle, folder.path / "networks", seeds=range(plan.seeds), jobs=jobs,
+                  progress=progress)  # fmt: skip
+    members = [NetworkSet.load(file) for file in files.values()]
+    compared = {name: compare_loads(members, run, plan.vehicle) for name, run in apart.items()}
+    errors = load_errors(compared)
+    drives = compare_drives(members, plan, apart)
+    figures = card_figures(plan, members, errors, drives, taught, apart)
+    contents = CardContents(
+        plan, figures, errors, drives, taught, apart, compared, dict(failed or {}), preset.name,
+        preset.architecture.memory, _spent(runs)
+    )  # fmt: skip
+    card = folder.path / CARD
+    write_text(card, report_card(contents))
+    return Learnt(save_ensemble(members, folder.path / NETWORKS, figures), card, figures)
+
+
+def _spent(runs: Mapping[str, xr.Dataset]) -> float:
+    """Time of cores that runs took [h]."""
+    names = ("wall_time", "settling_wall_time")
+    return sum(float(run.attrs.get(name, 0.0)) for run in runs.values() for name in names) / 3600.0

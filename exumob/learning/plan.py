@@ -1,0 +1,451 @@
+"""Which runs teach networks the water's loads on a vehicle, and what they take: planned before anything is computed.
+
+Captive runs in which everything moves at once (`exumob.towing_tank.excitation`) are the teachers. One in five is kept
+apart: no network learns from it or is chosen by it. A few free runs, the vehicle driving with the flow in the loop, are
+kept apart as well, to see where drives with the networks end. The number of a run says all of it, whatever the budget
+is: a larger budget adds runs to those of a smaller one. Depth and current stay the same in a run, as the flow solver
+knows one level and one uniform current; over the runs they fill their ranges evenly.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+import numpy as np
+
+from exumob.driving.maneuver import ConstantSteer, LaneChange, Maneuver
+from exumob.flow import FlowSettings
+from exumob.flow.cost import COURANT_FACTOR, FlowCost, flow_cost
+from exumob.flow.grid import CELL_SIZE
+from exumob.flow.resolution import lengths_in_cells
+from exumob.flow.vehicle_window import vehicle_window
+from exumob.learning.cost import MEASURED_TIME, OTHER_TIME
+from exumob.simulation.cost import REPEATED, driving_time
+from exumob.simulation.settings import time_scale, usual_speed
+from exumob.support.cost import cores, spelled_size, spelled_time
+from exumob.support.declared import Declared, checked
+from exumob.support.provenance import parameters_json
+from exumob.support.quantities import DEPTH_RATIO, Quantity
+from exumob.towing_tank.excitation import CHANNELS, Envelope, Excitation
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.conditions import Water
+
+Directions = Literal["ahead", "along", "all"]
+"""Where currents come from: from ahead; from ahead and behind; from all sides."""
+BUDGET = Quantity("h", above=0.0, at_most=1e6)
+"""Time of a core"""
+CORNERS = 4
+"""Captive runs at the ends of the ranges of depth and current; they come first and are never kept apart."""
+APART = 5
+"""One captive run in so many is kept apart: the last of each group."""
+CAPTIVE_TIME, RAMP = 8.0, 1.0
+"""Duration of a captive run and of its ramp, times `time_scale` [s]."""
+FREE_SHARE = 0.2
+"""Part of the budget for free runs."""
+MOST_FREE = 6
+INTERVALS = (10e-3, 5e-3, 4e-3, 2e-3, 1e-3)
+"""Intervals of the loads of captive runs [s]: the longest one that the flow goes through in one step is taken."""
+MICRO_STEP, LONGEST_MACRO_STEP = 5e-4, 4e-3
+"""Steps of the free runs [s]; the macro steps follow the flow."""
+ADVANCES = 1.1
+"""How often the flow goes through a macro step, on average [-]."""
+SPIN_UP = 2.0
+"""Time of the flow before the release of a free run [s]."""
+
+
+@dataclass(frozen=True)
+class LearningRange(Declared):
+    """What networks are to know of the water; speeds scale with the vehicle.
+
+    A depth is a ratio of the tyre's diameter. A current is that of the paper's vehicle, whose wheelbase is 0.714 m;
+    another vehicle's is larger by the root of its wheelbase over that (Froude's law: the same speed over sqrt(g L)).
+    The vehicle's own speeds and times follow the same law (`exumob.simulation.settings.time_scale`).
+
+    Raises
+    ------
+    ValueError
+        If a smallest value is above the largest, or there are currents from no side.
+    """
+
+    depth: Annotated[tuple[float, float], DEPTH_RATIO] = (0.2, 0.9)
+    """Smallest and largest depth over the tyre's diameter"""
+    current: Annotated[tuple[float, float], Quantity("m/s", at_least=0.0, at_most=20.0)] = (0.0, 1.5)
+    """Smallest and largest speed of the current, of the paper's vehicle"""
+    directions: Directions = "all"
+    """Where currents come from: from ahead; from ahead and behind (along); from all sides"""
+
+    def _check(self) -> None:
+        for name in ("depth", "current"):
+            low, high = getattr(self, name)
+            if low > high:
+                raise ValueError(
+                    f"LearningRange.{name} = ({low:g}, {high:g}): the first is to be the smaller one; change them over."
+                )
+
+    def depths(self, vehicle: Vehicle) -> tuple[float, float]:
+        """Return the smallest and the largest depth for a vehicle [m]."""
+        low, high = (ratio * vehicle.wheel.diameter for ratio in self.depth)
+        return low, high
+
+    def currents(self, vehicle: Vehicle) -> tuple[float, float]:
+        """Return the smallest and the largest speed of the current for a vehicle [m/s]."""
+        low, high = (speed * time_scale(vehicle) for speed in self.current)
+        return low, high
+
+    def water(self, vehicle: Vehicle, depth: float, current: float, side: float) -> Water:
+        """Return the water at shares of the ranges, 0 to 1; `side` chooses the direction."""
+        low, high = self.depths(vehicle)
+        slow, fast = self.currents(vehicle)
+        turn = {"ahead": 0.0, "along": math.pi * (side >= 0.5), "all": 2.0 * math.pi * side}[self.directions]
+        direction = math.remainder(math.pi + turn, 2.0 * math.pi)
+        return Water(low + depth * (high - low), slow + current * (fast - slow), direction)
+
+    def samples(self, vehicle: Vehicle) -> list[Water]:
+        """Return waters at the ends and in the middle of the ranges, for the drives that give the envelope."""
+        sides = {"ahead": (0.0,), "along": (0.0, 0.5), "all": (0.0, 0.25, 0.5)}[self.directions]
+        places = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.5, 0.5, 0.0), (0.0, 1.0, 0.0)]
+        return [self.water(vehicle, *place) for place in places + [(1.0, 1.0, side) for side in sides]]
+
+
+@dataclass(frozen=True)
+class CaptiveTask:
+    """A captive run: a prescribed motion through water."""
+
+    name: str
+    role: Literal["teach", "apart"]
+    """"teach": networks learn from it; "apart": they never see it"""
+    water: Water
+    motion: Excitation
+    cell_size: float
+    interval: float
+    """Of the loads [s]"""
+    cost: FlowCost
+
+    @property
+    def duration(self) -> float:
+        """Simulated time [s]."""
+        return self.motion.duration
+
+
+@dataclass(frozen=True)
+class FreeTask:
+    """A drive with the flow in the loop, kept apart."""
+
+    name: str
+    role: Literal["apart"]
+    water: Water
+    maneuver: Maneuver
+    duration: float
+    """Simulated time after the release [s]"""
+    cell_size: float
+    cost: FlowCost
+
+
+Task = CaptiveTask | FreeTask
+
+
+@dataclass(frozen=True)
+class LearningPlan:
+    """The runs, what they take, and what the cells resolve."""
+
+    vehicle: Vehicle
+    range: LearningRange
+    envelope: Envelope
+    cell_size: float
+    budget: float
+    """[h]"""
+    seeds: int
+    tasks: tuple[Task, ...]
+    resolved: tuple[str, ...]
+    """Lengths of the vehicle that have cells enough"""
+    lost: tuple[str, ...]
+    """Lengths that have not"""
+
+    @property
+    def simulated(self) -> float:
+        """Simulated time of all runs, without the spin-up of the free ones [s]."""
+        return sum(task.duration for task in self.tasks)
+
+    @property
+    def core_hours(self) -> float:
+        """Time of a core for the runs [h]."""
+        return sum(task.cost.seconds for task in self.tasks) / 3600.0
+
+    @property
+    def training_hours(self) -> float:
+        """Time of a core for the training [h]."""
+        return training_time(self.tasks, self.seeds) / 3600.0
+
+    def lines(self, jobs: int) -> list[str]:
+        """Describe the plan in lines of text.
+
+        Parameters
+        ----------
+        jobs : int
+            Runs side by side.
+        """
+        car, wanted = self.vehicle, self.range
+        (low, high), (slow, fast) = wanted.depths(car), wanted.currents(car)
+        captive = [t for t in self.tasks if isinstance(t, CaptiveTask)]
+        free = [t for t in self.tasks if isinstance(t, FreeTask)]
+        apart = sum(t.role == "apart" for t in captive)
+        most = max(self.tasks, key=lambda task: task.cost.memory)
+        shares = [f"{v[0]:.3g} to {v[1]:.3g} {unit}" for v, unit in (
+            (self.envelope.speed, "m/s ahead"), (self.envelope.sway, "m/s sideways"),
+            (self.envelope.yaw_rate, "rad/s"), (np.degrees(self.envelope.pitch), "deg pitch"),
+            (np.degrees(self.envelope.roll), "deg roll"), (1e3 * np.array(self.envelope.heave), "mm heave"),
+        )]  # fmt: skip
+        found = [
+            f"vehicle   {car.name}, wheelbase {car.wheelbase:g} m, tyres {car.wheel.diameter:g} m",
+            f"range     depth {wanted.depth[0]:g} to {wanted.depth[1]:g} of the tyre's diameter ({low:.3g} to "
+            f"{high:.3g} m); current {wanted.current[0]:g} to {wanted.current[1]:g} m/s of the paper's vehicle, by "
+            f"Froude's law {slow:.3g} to {fast:.3g} m/s of this one, {_sides(wanted.directions)}",
+            f"motion    {', '.join(shares)}; up to {self.envelope.slow:.2g} and {self.envelope.fast:.2g} Hz",
+            f"cells     {1e3 * self.cell_size:.3g} mm",
+            *[f"          resolved: {text}" for text in self.resolved],
+            *[f"          lost: {text}" for text in self.lost],
+        ]
+        if self.lost:
+            found.append(
+                "          what has too few cells has rough loads: water passes a gap too hardly or not at all, and "
+                "networks learn that"
+            )
+        found.append(
+            f"runs      {len(captive)} captive of {captive[0].duration:g} s ({apart} kept apart), {len(free)} free "
+            f"(kept apart): {self.simulated:.0f} s in all"
+        )
+        found += [
+            f"          {task.name}: {_described(task, car)}; {task.cost.cells:,.0f} cells, {task.cost.steps:,.0f} "
+            f"steps, {spelled_time(task.cost.seconds)} of a core" for task in self.tasks
+        ]  # fmt: skip
+        side_by_side = max(min(jobs, cores()), 1)
+        total = self.core_hours + self.training_hours
+        found.append(
+            f"takes     {self.core_hours:.2g} core hours for the runs and {self.training_hours:.2g} for {self.seeds} "
+            f"seeds of networks, of a budget of {self.budget:g}; about {spelled_time(3600.0 * total / side_by_side)} "
+            f"with {jobs} worker{'s' if jobs > 1 else ''}; {spelled_size(jobs * most.cost.memory)} of memory"
+        )
+        return found
+
+
+def _sides(directions: Directions) -> str:
+    return {"ahead": "from ahead", "along": "from ahead and behind", "all": "from all sides"}[directions]
+
+
+def _described(task: Task, vehicle: Vehicle) -> str:
+    water = task.water
+    angle = math.degrees(math.remainder(water.current_direction - math.pi, 2.0 * math.pi))
+    side = f" from {abs(angle):.0f} deg {'left' if angle > 0.0 else 'right'}" if abs(angle) > 0.5 else " from ahead"
+    where = f"depth {water.uniform_depth / vehicle.wheel.diameter:.2f}, current {water.current_speed:.2f} m/s"
+    where += side if water.current_speed > 0.0 else ""
+    if isinstance(task, FreeTask):
+        return f"{maneuver_name(task.maneuver)}, {task.duration:g} s, {where}; kept apart"
+    speeds = ", ".join(f"{v:.2f}" for v in task.motion.speeds)
+    return f"{task.duration:g} s, {where}, speeds {speeds} m/s{'; kept apart' if task.role == 'apart' else ''}"
+
+
+def maneuver_name(maneuver: Maneuver) -> str:
+    """Return a name of a free run's maneuver."""
+    if isinstance(maneuver, LaneChange):
+        return "lane change"
+    return "straight" if isinstance(maneuver, ConstantSteer) and maneuver.angle == 0.0 else "circle"
+
+
+@checked
+def make_plan(  # each argument is a choice of its own
+    vehicle: Vehicle,
+    wanted: LearningRange,
+    budget: Annotated[float, BUDGET],
+    cell_size: Annotated[float, CELL_SIZE],
+    envelope: Envelope,
+    *,
+    seeds: Annotated[int, Quantity("1", at_least=1, at_most=1000)] = 5,
+    run_time: Annotated[float | None, Quantity("s", at_least=0.05, at_most=1e4)] = None,
+) -> LearningPlan:
+    """Plan the runs that a budget buys.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    wanted : LearningRange
+    budget : float
+        Time of a core for runs and training [h].
+    cell_size : float
+        Of the flow round the vehicle [m]. Cells too coarse for a gap are said to lose it, and taken.
+    envelope : Envelope
+        See `exumob.learning.envelope.envelope_of`.
+    seeds : int
+        Networks of each body.
+    run_time : float, optional
+        Duration of a captive run [s]. Default: `CAPTIVE_TIME` times `time_scale`; free runs in proportion.
+
+    Raises
+    ------
+    ValueError
+        If the budget buys too few runs to learn from, with what it would buy and what would do; or the grid does not
+        fit into memory.
+    """
+    usual = CAPTIVE_TIME * time_scale(vehicle)
+    part = 1.0 if run_time is None else run_time / usual
+    duration = max(round(10.0 * part * usual), 1) / 10.0 if run_time is None else run_time
+    costs = _Costs(vehicle, cell_size)
+    captive = _captive(vehicle, wanted, envelope, duration, costs)
+    free = _free(vehicle, wanted, part, costs)
+    first = [next(captive) for _ in range(APART)]
+    one_free = next(free)
+    chosen: list[Task] = [*first, one_free]
+
+    def price(tasks: list[Task]) -> float:
+        return (sum(task.cost.seconds for task in tasks) + training_time(tasks, seeds)) / 3600.0
+
+    if price(chosen) > budget:
+        _refuse_budget(chosen, price(chosen), budget, cell_size)
+    for task in itertools.islice(free, MOST_FREE - 1):
+        if (
+            sum(t.cost.seconds for t in chosen if isinstance(t, FreeTask)) + task.cost.seconds
+            > (FREE_SHARE * 3600.0 * budget)
+            or price([*chosen, task]) > budget
+        ):
+            break
+        chosen.append(task)
+    for teacher in captive:
+        if price([*chosen, teacher]) > budget:
+            break
+        chosen.append(teacher)
+    limit = vehicle.steering.limit
+    angles = [m[0] for command in (-limit, limit) for m in vehicle.steering_angles((command, 0.0, 0.0))]
+    grid = vehicle_window(vehicle, cell_size, first[0].water)
+    resolved, lost = lengths_in_cells(vehicle, grid, (min(angles), max(angles)))
+    return LearningPlan(
+        vehicle, wanted, envelope, cell_size, budget, seeds, tuple(chosen), tuple(resolved), tuple(lost)
+    )  # fmt: skip
+
+
+def _refuse_budget(least: list[Task], price: float, budget: float, cell_size: float) -> None:
+    """Raise ValueError: say what the budget would buy, and what would do."""
+    seconds = sum(task.duration for task in least)
+    bought = budget / price * seconds
+    coarser = cell_size * (price / budget) ** 0.25  # cells go with the cube of their size, steps with its inverse
+    raise ValueError(
+        f"make_plan.budget = {budget:g} h buys about {bought:.2g} s of flow on cells of {1e3 * cell_size:.3g} mm, and "
+        f"{seconds:.0f} s ({len(least)} runs) are the least from which networks can be learnt and tried; give "
+        f"{math.ceil(100.0 * price) / 100.0:g} h, or a cell_size of about {coarser:.2g} m, which loses more."
+    )
+
+
+def training_time(tasks: list[Task] | tuple[Task, ...], seeds: int) -> float:
+    """Return the time that training takes on one core [s]: see `exumob.learning.cost`."""
+    taught = sum(task.duration for task in tasks if task.role == "teach")
+    return OTHER_TIME * seeds * taught / MEASURED_TIME
+
+
+class _Costs:
+    """What runs take on one thread, with the grids that are asked for again."""
+
+    def __init__(self, vehicle: Vehicle, cell_size: float) -> None:
+        self.vehicle, self.cell_size = vehicle, cell_size
+        self._grids: dict[float, tuple[int, float]] = {}
+        self.courant = FlowSettings().courant
+
+    def _grid(self, water: Water) -> tuple[int, float]:
+        depth = water.uniform_depth
+        if depth not in self._grids:
+            grid = vehicle_window(self.vehicle, self.cell_size, water)
+            self._grids[depth] = grid.n_cells, grid.smallest_width
+        return self._grids[depth]
+
+    def longest_step(self, water: Water, speed: float) -> float:
+        """Longest step of the flow at a speed of the vehicle through the water [s]."""
+        return self.courant * self._grid(water)[1] / (COURANT_FACTOR * max(speed, 1e-6))
+
+    def flow(self, water: Water, speed: float, duration: float, interval: float) -> FlowCost:
+        cells, width = self._grid(water)
+        return flow_cost(cells, width, speed, duration, interval, self.courant)
+
+
+def _shares(number: int, count: int) -> list[float]:
+    """Place `number` of an additive sequence in a cube of `count` dimensions, each 0 to 1.
+
+    Roberts' sequence: multiples of the powers of the root of x^(count + 1) = x + 1, which fill the cube evenly at any
+    number of points.
+    """
+    root = 2.0
+    for _ in range(60):
+        root = (1.0 + root) ** (1.0 / (count + 1.0))
+    return [math.fmod(0.5 + (number + 1) * root ** -(k + 1.0), 1.0) for k in range(count)]
+
+
+def _captive(
+    vehicle: Vehicle, wanted: LearningRange, envelope: Envelope, duration: float, costs: _Costs
+) -> Iterator[CaptiveTask]:
+    """Captive runs one after the other, without end."""
+    corners = [(0.0, 0.0), (1.0, 1.0), (0.0, 1.0), (1.0, 0.0)]
+    low, high = envelope.speed
+    for number in itertools.count():
+        depth, current, side = _shares(number, 3)
+        fast, *offsets = np.random.default_rng(number).uniform(size=1 + len(CHANNELS))
+        if number < CORNERS:
+            depth, current = corners[number]
+        water = wanted.water(vehicle, depth, current, side)
+        part = 0.4 + 0.6 * float(fast)
+        ahead, back = part * high, part * min(low, 0.0)
+        plans = [(ahead, 0.0, back), (0.0, ahead, 0.6 * ahead), (0.5 * ahead, ahead, 0.0), (back, 0.0, ahead),
+                 (ahead, 0.5 * ahead, ahead)]  # fmt: skip
+        motion = Excitation(
+            envelope, plans[(number + number // len(plans)) % len(plans)], duration,
+            min(RAMP * time_scale(vehicle), 0.25 * duration), tuple(float(2.0 * share - 1.0) for share in offsets),
+            number, number,
+        )  # fmt: skip
+        speed = math.hypot(max(abs(low), high), envelope.sway[1]) + water.current_speed
+        longest = costs.longest_step(water, speed)
+        fitting = [step for step in INTERVALS if step <= longest and _divides(step, duration)]
+        interval = fitting[0] if fitting else INTERVALS[-1]
+        cost = costs.flow(water, speed, duration, interval)
+        name = _name("captive", number, [vehicle, water, motion, costs.cell_size, interval])
+        yield CaptiveTask(
+            name, "apart" if number % APART == APART - 1 else "teach", water, motion, costs.cell_size, interval, cost
+        )  # fmt: skip
+
+
+def _divides(step: float, duration: float) -> bool:
+    return abs(duration / step - round(duration / step)) < 1e-6
+
+
+def _free(vehicle: Vehicle, wanted: LearningRange, part: float, costs: _Costs) -> Iterator[FreeTask]:
+    """Free runs one after the other: lane change, circle, straight ahead, in water within the ranges."""
+    unit, tread = time_scale(vehicle), usual_speed(vehicle)
+    spin, angle = tread / vehicle.wheel.radius, min(math.radians(30.0), vehicle.steering.limit)
+    maneuvers: list[tuple[Maneuver, float]] = [
+        (LaneChange(angle, 1.5 * unit * part, 5.0 * unit * part, spin, unit * part), 6.0),
+        (ConstantSteer(-0.6 * angle, spin, unit * part), 5.0),
+        (ConstantSteer(0.0, spin, unit * part), 4.0),
+    ]
+    for number in itertools.count():
+        depth, current, side = (0.5, 0.5, 0.0) if number == 0 else _shares(500 + number, 3)
+        water = wanted.water(vehicle, depth, current, side)
+        maneuver, time = maneuvers[number % len(maneuvers)]
+        if number >= len(maneuvers) and isinstance(maneuver, LaneChange):
+            maneuver = replace(maneuver, amplitude=-maneuver.amplitude)
+        duration = max(round(10.0 * time * unit * part), 1) / 10.0
+        speed = tread + water.current_speed
+        macro_step = min(max(costs.longest_step(water, speed), MICRO_STEP), LONGEST_MACRO_STEP)
+        held = costs.flow(water, max(water.current_speed, 1e-3), SPIN_UP, 4e-3)
+        driven = costs.flow(water, speed, duration, macro_step)
+        cost = replace(
+            driven, steps=held.steps + ADVANCES * driven.steps,
+            seconds=held.seconds + ADVANCES * driven.seconds
+            + REPEATED * driving_time(duration, MICRO_STEP, macro_step),
+        )  # fmt: skip
+        name = _name("free", number, [vehicle, water, maneuver, costs.cell_size, duration])
+        yield FreeTask(name, "apart", water, maneuver, duration, costs.cell_size, cost)
+
+
+def _name(kind: str, number: int, parts: list[object]) -> str:
+    """Name of a run: its number, and a digest of all that it is made from."""
+    text = parameters_json({str(n): part for n, part in enumerate(parts)})
+    return f"{kind}_{number:03d}_{hashlib.sha256(text.encode()).hexdigest()[:8]}"

@@ -1,0 +1,224 @@
+"""What networks are worth, on runs that they have not seen: errors of loads and of drives, and of their error bars."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from exumob.ground.soil import Soil
+from exumob.learning.dataset import base_loads, usable
+from exumob.learning.evaluation import THINNING, closed_loop, predicted_loads
+from exumob.learning.plan import FreeTask, LearningPlan, maneuver_name
+from exumob.paper.reference_runs import SOIL
+from exumob.simulation.run import simulate
+from exumob.simulation.summary import range_shares
+from exumob.support.arrays import Array
+from exumob.support.errors import SimulationError
+from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import NetworkSet
+from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
+from exumob.vehicle.parameters import Vehicle
+from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.hydrodynamics import Hydrodynamics
+
+logger = logging.getLogger(__name__)
+
+DEVIATIONS = tuple(round(0.25 * n, 2) for n in range(1, 17))
+"""Widths of error bars that are looked at, in standard deviations of the ensemble [-]."""
+TWO = DEVIATIONS.index(2.0)
+LEAST_PATH = 0.05
+"""Length of path from which the end of a drive is compared, over the vehicle's wheelbase [-]."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Loads along one run: of the flow, of the networks with their spread, and of the coefficient model."""
+
+    time: Array
+    """[s], shape (n,)"""
+    flow: Array
+    """Smoothed [N, N m], shape (n, 5, 6)"""
+    networks: Array
+    spread: Array
+    """Standard deviation of the members; 0 for a single one"""
+    coefficients: Array
+
+
+def compare_loads(members: Sequence[NetworkSet], run: xr.Dataset, vehicle: Vehicle) -> Compared:
+    """Compare loads along a run's own motion.
+
+    Parameters
+    ----------
+    members : sequence of NetworkSet
+    run : xarray.Dataset
+        Packed.
+    vehicle : Vehicle
+    """
+    rows = np.flatnonzero(usable(run))[::THINNING]
+    base = base_loads(run, vehicle)
+    loads = np.stack([predicted_loads(member, run, vehicle, rows, base) for member in members])
+    spread = loads.std(axis=0, ddof=1) if len(members) > 1 else np.zeros(loads.shape[1:])
+    flow = run["water_wrench_smooth"].values[rows].astype(float)
+    return Compared(run["time"].values[rows], flow, loads.mean(axis=0), spread, base[rows])
+
+
+def load_errors(compared: Mapping[str, Compared]) -> xr.Dataset:
+    """Measure the errors of loads over several runs together.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``networks``, ``coefficients`` (body, component): root mean square error over the deviation of the flow's loads
+        in all runs [-]; ``by_run`` (run): the mean of it over bodies and components, by the deviation in all runs;
+        ``inside`` (deviations): share of the samples that lie within so many standard deviations of the ensemble [-];
+        ``deviation``, ``spread`` (body, component): of the flow's loads, and root mean square of the ensemble's [N,
+        N m].
+    """
+    flow, networks, spread, coefficients = (
+        np.concatenate([getattr(one, name) for one in compared.values()])
+        for name in ("flow", "networks", "spread", "coefficients")
+    )
+    deviation = np.maximum(flow.std(axis=0), 1e-9)
+
+    def rms(values: Array) -> Array:
+        return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
+
+    off = np.abs(networks - flow)
+    loads, alone = ("body", "component"), "1"
+    return xr.Dataset(
+        {
+            "networks": (loads, rms(off) / deviation, {"units": alone}),
+            "coefficients": (loads, rms(coefficients - flow) / deviation, {"units": alone}),
+            "deviation": (loads, deviation, {"units": "N, N m"}),
+            "spread": (loads, rms(spread), {"units": "N, N m"}),
+            "by_run": (
+                "run", [float((rms(c.networks - c.flow) / deviation).mean()) for c in compared.values()],
+                {"units": alone},
+            ),
+            "inside": ("deviations", [float(np.mean(off <= z * spread)) for z in DEVIATIONS], {"units": alone}),
+        },
+        coords={
+            "body": list(BODIES), "component": list(WRENCH_COMPONENTS), "run": list(compared),
+            "deviations": list(DEVIATIONS),
+        },
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive with networks and one with coefficients, beside the same with the flow in the loop."""
+
+    name: str
+    maneuver: str
+    depth_ratio: float
+    current: float
+    """[m/s]"""
+    networks: dict[str, float] | None
+    """Measures of `exumob.learning.evaluation.closed_loop`; None: it broke down"""
+    coefficients: dict[str, float] | None
+    outside: float
+    """Share of the time outside the range of the networks [-]"""
+    fallback: float
+    """Share of the coefficient model in the loads [-]"""
+    paths: dict[str, Array]
+    """Way of the hull from its start, by model [m], shape (2, n)"""
+
+
+def compare_drives(members: Sequence[NetworkSet], plan: LearningPlan, runs: Mapping[str, xr.Dataset]) -> list[Drive]:
+    """Drive the free runs again with networks and with coefficients.
+
+    Parameters
+    ----------
+    members : sequence of NetworkSet
+    plan : LearningPlan
+    runs : mapping
+        Runs by name; free tasks whose runs are missing are left out.
+    """
+    found = []
+    for task in plan.tasks:
+        if isinstance(task, FreeTask) and task.name in runs:
+            found.append(_drive(members, task, plan.vehicle, runs[task.name]))
+    return found
+
+
+def _drive(members: Sequence[NetworkSet], task: FreeTask, vehicle: Vehicle, reference: xr.Dataset) -> Drive:
+    paths = {"flow in the loop": _path(reference)}
+    length = float(np.hypot(*np.diff(paths["flow in the loop"], axis=1)).sum())
+    models: dict[str, Hydrodynamics] = {
+        "networks": SurrogateHydrodynamics(list(members)), "coefficients": CoefficientHydrodynamics()
+    }  # fmt: skip
+    measures: dict[str, dict[str, float] | None] = {}
+    shares: dict[str, float] = {}
+    for name, model in models.items():
+        try:
+            run = simulate(
+                vehicle, Soil.published(SOIL), task.water, task.maneuver, model, duration=task.duration,
+                record_step=10e-3,
+            )  # fmt: skip
+        except SimulationError as error:
+            logger.warning("%s with %s: %s", task.name, name, error)
+            measures[name] = None
+            continue
+        paths[name] = _path(run)
+        measures[name] = closed_loop(run, reference) if length > LEAST_PATH * vehicle.wheelbase else None
+        if name == "networks":
+            shares = range_shares(run)
+    return Drive(
+        task.name, maneuver_name(task.maneuver), task.water.uniform_depth / vehicle.wheel.diameter,
+        task.water.current_speed, measures["networks"], measures["coefficients"],
+        shares.get("out_of_range_share", math.nan), shares.get("fallback_share", math.nan), paths,
+    )  # fmt: skip
+
+
+def _path(run: xr.Dataset) -> Array:
+    path = run["position"].sel(body="hull").values[:, :2].astype(float)
+    return np.asarray((path - path[0]).T)
+
+
+def card_figures(
+    plan: LearningPlan, members: Sequence[NetworkSet], errors: xr.Dataset, drives: Sequence[Drive],
+    taught: Mapping[str, xr.Dataset], apart: Mapping[str, xr.Dataset],
+) -> dict[str, Any]:  # fmt: skip
+    """Return the figures that the line of trust quotes (`exumob.surrogates.ensemble.card_of`): plain numbers and text.
+
+    Parameters
+    ----------
+    plan : LearningPlan
+    members : sequence of NetworkSet
+    errors : xarray.Dataset
+        See `load_errors`.
+    drives : sequence of Drive
+    taught, apart : mapping
+        Runs that networks have learnt from, and those kept apart, by name.
+    """
+    from exumob.learning.dataset import water_of
+
+    waters = [water_of(run) for run in taught.values()]
+    ratios = [water.uniform_depth / plan.vehicle.wheel.diameter for water in waters]
+    speeds = [water.current_speed for water in waters]
+    worst = errors["networks"].stack(load=("body", "component"))
+    body, component = worst["load"].values[int(worst.values.argmax())]
+    measured = [
+        {
+            "name": one.name, "maneuver": one.maneuver, "end": one.networks["final"] / 100.0,
+            "coefficients_end": one.coefficients["final"] / 100.0 if one.coefficients else None,
+            "depth_ratio": one.depth_ratio, "current_speed": one.current, "outside": one.outside,
+            "fallback": one.fallback,
+        }
+        for one in drives if one.networks is not None
+    ]  # fmt: skip
+    return {
+        "vehicle": plan.vehicle.name, "members": len(members), "cell_size": plan.cell_size,
+        "runs": len(apart), "seconds": float(sum(float(run["time"][-1]) for run in taught.values())),
+        "load_error": float(errors["networks"].mean()), "coefficients_load_error": float(errors["coefficients"].mean()),
+        "worst_load": f"{str(body).replace('_', ' ')} {component} {float(worst.max()):.2f}",
+        "inside": float(errors["inside"][TWO]), "depth_ratio": [min(ratios), max(ratios)],
+        "current_speed": [min(speeds), max(speeds)], "directions": plan.range.directions, "soil": SOIL,
+        "drives": measured, "drives_failed": len(drives) - len(measured), "lost": list(plan.lost),
+    }  # fmt: skip

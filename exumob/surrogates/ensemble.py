@@ -1,0 +1,118 @@
+"""Several sets of networks in one file: the members of an ensemble, with what was measured of them together.
+
+The file is a safetensors file as that of one set (`exumob.surrogates.networks`), the arrays of each member under its
+number.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from exumob.surrogates.networks import (
+    VERSION,
+    NetworkSet,
+    _architecture,
+    _check_arrays,
+    _checked_about,
+    read_arrays,
+    write_arrays,
+)
+
+ENSEMBLE = "exumob ensemble"
+CARD = "report_card"
+"""Key under which the origin of networks (`NetworkSet.about`) holds what was measured of them."""
+
+
+def save_ensemble(members: Sequence[NetworkSet], file: str | Path, card: dict[str, Any] | None = None) -> Path:
+    """Write members into one file (.safetensors), whole or not at all; return its path.
+
+    Parameters
+    ----------
+    members : sequence of NetworkSet
+    file : path
+    card : dict, optional
+        What was measured of them together: plain numbers and text; each member's `about` holds it.
+
+    Raises
+    ------
+    ValueError
+        If there are no members.
+    """
+    if not members:
+        raise ValueError("save_ensemble.members is empty; give one set of networks at least.")
+    given = [m if card is None else replace(m, about=m.about | {CARD: card}) for m in members]
+    header = {
+        "format": ENSEMBLE, "version": VERSION,
+        "members": [{"architecture": asdict(m.architecture), "about": m.about} for m in given],
+    }  # fmt: skip
+    arrays = {f"{n}/{name}": np.array(a, order="C") for n, m in enumerate(given) for name, a in m.arrays.items()}
+    path = Path(file)
+    write_arrays(path, header, arrays)
+    return path
+
+
+def load_members(file: str | Path) -> list[NetworkSet]:
+    """Read the members of a file of `save_ensemble`, or the one set of a file of `NetworkSet.save`.
+
+    Raises
+    ------
+    ValueError
+        If it is no such file, of another version, incomplete, or damaged; the message names the file.
+    """
+    path = Path(file)
+    header, arrays = read_arrays(path, "a file of networks", "`exumob train` and `exumob learn` make them.")
+    if header.get("format") != ENSEMBLE:
+        return [NetworkSet.load(path)]
+    if header.get("version") != VERSION:
+        raise ValueError(
+            f"{path} is of version {header.get('version')} and this program reads {VERSION}; make it anew with "
+            "`exumob learn`."
+        )
+    said = header.get("members")
+    if not isinstance(said, list) or not said or not all(isinstance(one, dict) for one in said):
+        raise ValueError(f"{path} does not say what its members are; make it anew with `exumob learn`.")
+    members = []
+    for n, one in enumerate(said):
+        own = {name.partition("/")[2]: a for name, a in arrays.items() if name.partition("/")[0] == str(n)}
+        architecture = _architecture(one.get("architecture"), path)
+        _check_arrays(architecture, own, path)
+        members.append(NetworkSet(architecture, own, _checked_about(one.get("about"), path)))
+    return members
+
+
+def card_of(members: Sequence[NetworkSet]) -> dict[str, Any] | None:
+    """Return what was measured of an ensemble, if these are all of its members; else None.
+
+    Members by themselves, or those of several files together, are not what was measured.
+    """
+    found = [member.about.get(CARD) for member in members]
+    card = found[0] if found else None
+    if not isinstance(card, dict) or any(other != card for other in found) or card.get("members") != len(members):
+        return None
+    return card if _whole(card) else None
+
+
+NUMBERS = ("load_error", "cell_size", "seconds", "runs", "inside")
+PAIRS = ("depth_ratio", "current_speed")
+
+
+def _whole(card: dict[str, Any]) -> bool:
+    """Whether a card holds what the line of trust reads."""
+
+    def number(value: Any) -> bool:
+        return isinstance(value, int | float) and json.dumps(value) not in ("NaN", "Infinity", "-Infinity")
+
+    pairs = (card.get(name) for name in PAIRS)
+    return (
+        all(number(card.get(name)) for name in NUMBERS)
+        and all(isinstance(pair, list) and len(pair) == 2 and all(map(number, pair)) for pair in pairs)
+        and isinstance(card.get("drives"), list)
+        and all(isinstance(one, dict) and number(one.get("end")) for one in card["drives"])
+        and all(isinstance(card.get(name), str) for name in ("directions", "soil", "vehicle", "worst_load"))
+    )

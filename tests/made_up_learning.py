@@ -1,0 +1,89 @@
+"""Runs of a campaign without any flow: the loads are those of the coefficient model, and a bit more."""
+
+import os
+
+import numpy as np
+
+from exumob.flow.revision import solver_revision
+from exumob.ground.soil import Soil
+from exumob.learning.campaign import prescribed_states
+from exumob.learning.dataset import SAMPLING, base_loads, histories, pack
+from exumob.learning.plan import CaptiveTask
+from exumob.paper.reference_runs import SOIL
+from exumob.simulation.run import simulate
+from exumob.support.errors import SimulationError
+from exumob.support.provenance import parameters_json, provenance
+from exumob.towing_tank.excitation import Envelope
+from exumob.vehicle.motion import BodyStates
+from exumob.water.mesh_file import mesh_provenance
+
+ENVELOPE = Envelope(
+    speed=(-0.6, 1.0), sway=(-0.2, 0.2), yaw_rate=(-0.6, 0.6), slip=(-0.1, 0.5), steering=(-0.5, 0.5),
+    heave=(-0.02, 0.01), pitch=(-0.03, 0.05), roll=(-0.03, 0.03), sinkage=(0.0, 0.02),
+)  # fmt: skip
+MORE = 1.3
+"""Loads over those of the coefficient model [-]."""
+
+
+def described(task, vehicle):
+    return provenance() | mesh_provenance(vehicle.hull) | {
+        "status": "completed", "scenario": task.name, "role": task.role, "flow_revision": solver_revision(),
+        "cell_size": task.cell_size, "wall_time": 1.0,
+        "parameters": parameters_json({"vehicle": vehicle, "water": task.water}),
+    }  # fmt: skip
+
+
+def states_run(task, vehicle):
+    """A captive run's motion, with loads that mean nothing."""
+    times = SAMPLING * np.arange(1, round(task.duration / SAMPLING) + 1)
+    states = prescribed_states(task, vehicle, times)
+    wrench = np.ones((len(times), 5, 6))
+    return histories(states, wrench, task.water, described(task, vehicle))
+
+
+def quick(task, vehicle, checkpoint, progress):
+    """Motion of the captive runs only; free runs as if towed."""
+    progress(0.5 * task.duration)
+    checkpoint.touch()
+    if "003" in task.name:
+        raise SimulationError("it broke down")
+    if isinstance(task, CaptiveTask):
+        return states_run(task, vehicle)
+    times = SAMPLING * np.arange(1, 201)
+    n = len(times)
+    place = np.vstack([vehicle.hull_origin, vehicle.wheel_centers])
+    position = place + np.outer(times, [0.5, 0.0, 0.0])[:, None]
+    zero = np.zeros((n, 5, 3))
+    states = BodyStates(
+        times, position, np.tile(np.eye(3), (n, 5, 1, 1)), zero + np.array([0.5, 0.0, 0.0]), zero, zero, zero,
+        np.zeros((n, 4)),
+    )  # fmt: skip
+    return histories(states, np.ones((n, 5, 6)), task.water, described(task, vehicle))
+
+
+def killed_once(task, vehicle, checkpoint, progress):
+    """The first call writes a checkpoint and dies as a process that is killed; the next one goes on from it."""
+    if not checkpoint.exists():
+        checkpoint.write_text("half")
+        os._exit(9)
+    assert checkpoint.read_text() == "half"
+    return quick(task, vehicle, checkpoint, progress) if "003" not in task.name else states_run(task, vehicle)
+
+
+def coefficient_flow(task, vehicle, checkpoint, progress):
+    """Loads of the coefficient model, larger by `MORE`."""
+    if isinstance(task, CaptiveTask):
+        run = states_run(task, vehicle)
+        loads = MORE * base_loads(run, vehicle)
+        return histories_with(run, loads)
+    result = simulate(
+        vehicle, Soil.published(SOIL), task.water, task.maneuver, "coefficients", duration=task.duration, micro_step=5e-4,
+        macro_step=1e-3, record_step=1e-3,
+    )  # fmt: skip
+    return pack(result).assign_attrs(described(task, vehicle) | {"parameters": result.attrs["parameters"]})
+
+
+def histories_with(run, loads):
+    for name in ("water_wrench", "water_wrench_smooth"):
+        run[name] = run[name].copy(data=loads.astype(np.float32))
+    return run

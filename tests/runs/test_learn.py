@@ -1,0 +1,103 @@
+"""`exumob learn`: runs side by side that are killed and go on, training, report card, and the whole with the flow."""
+
+import base64
+import re
+
+import numpy as np
+import pytest
+from made_up_learning import ENVELOPE, coefficient_flow, killed_once, quick
+from typer.testing import CliRunner
+
+from exumob.__main__ import app
+from exumob.learning.campaign import LearningFolder, run_campaign
+from exumob.learning.dataset import load_runs
+from exumob.learning.plan import LearningRange, make_plan
+from exumob.simulation.result_files import load_dataset
+from exumob.surrogates.ensemble import card_of, load_members
+from vehicle_models.amphibious import amphibious_vehicle
+
+pytest.importorskip("torch")
+from exumob.learning.learn import CARD, learn_from
+from exumob.learning.presets import PRESETS
+
+CAR = amphibious_vehicle()
+WANTED = LearningRange()
+
+
+@pytest.fixture(scope="module")
+def short():
+    """Five captive runs and a free one, as short as they can be."""
+    return make_plan(CAR, WANTED, 0.012, 0.06, ENVELOPE, run_time=0.4)
+
+
+def test_runs_are_made_side_by_side_and_only_once(short, tmp_path):
+    folder, said = LearningFolder(tmp_path / "a"), []
+    failed = run_campaign(short.tasks, CAR, folder, jobs=2, progress=said.append, compute=quick)
+    broken = [task.name for task in short.tasks if "003" in task.name]
+    assert list(failed) == broken and "it broke down" in failed[broken[0]]
+    assert {f.stem for f in folder.runs.glob("*.nc")} == {task.name for task in short.tasks} - set(broken)
+    assert [f.name for f in folder.work.iterdir()] == [f"{broken[0]}.npz"]  # what it goes on from
+    assert {step.name for step in said if step.done} == {task.name for task in short.tasks}
+    assert [task.name for task in folder.unfinished(short.tasks)] == broken
+    runs = load_runs(folder.runs.glob("*.nc"))
+    assert set(runs) == set(folder.load()) and all("flow_revision" in run.attrs for run in runs.values())
+
+
+def test_a_killed_run_goes_on_from_its_checkpoint(short, tmp_path):
+    folder, tasks, rounds = LearningFolder(tmp_path), short.tasks[:2], 0
+    for _ in range(4):
+        rounds += 1
+        failed = run_campaign(tasks, CAR, folder, compute=killed_once)
+        if not failed:
+            break
+        assert all("the same command goes on" in text for text in failed.values())
+    assert 2 <= rounds <= 3 and not folder.unfinished(tasks)
+
+
+def test_networks_learn_and_the_card_says_what_they_are_worth(tmp_path):
+    """Loads of 1.3 times the coefficient model's: networks added to it learn the rest, and their card says so."""
+    plan = make_plan(CAR, WANTED, 0.04, 0.06, ENVELOPE, seeds=2, run_time=2.0)
+    folder = LearningFolder(tmp_path)
+    assert not run_campaign(plan.tasks, CAR, folder, jobs=2, compute=coefficient_flow)
+    found = learn_from(plan, folder, PRESETS["residual"], jobs=2)
+    figures = found.figures
+    assert figures["coefficients_load_error"] > 0.1
+    assert figures["load_error"] < 0.5 * figures["coefficients_load_error"]
+    assert figures["runs"] >= 2 and figures["members"] == 2 and len(figures["drives"]) >= 1
+    assert max(one["end"] for one in figures["drives"]) < 0.02
+    members = load_members(found.networks)
+    assert card_of(members) == figures and card_of(members[:1]) is None
+
+    page = found.card.read_text()
+    images = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
+    assert len(images) == 4 and all(base64.b64decode(image).startswith(b"\x89PNG") for image in images)
+    assert "http" not in page and 'src="' not in page.replace('src="data:', "")  # needs no other file
+    for text in ("Range covered", "Drives, beside the same", "What these networks do not know", "lane change",
+                 f"{figures['load_error']:.2f}", "captive_004", "What the cells do not resolve"):  # fmt: skip
+        assert text in page
+
+    answer = CliRunner().invoke(
+        app, ["drive", "--depth-ratio", "0.5", "--networks", str(found.networks), "--duration", "0.4", "--output",
+              str(tmp_path / "run.nc")], env={"COLUMNS": "200", "TERM": "dumb"},
+    )  # fmt: skip
+    assert answer.exit_code == 0, answer.output
+    trust = load_dataset(tmp_path / "run.nc").attrs["trust"]
+    assert trust.startswith("networks") and f"off by {figures['load_error']:.2g} of their deviation" in trust
+
+
+def test_the_whole_with_the_flow(tmp_path, monkeypatch):
+    """On cells that resolve nothing and for a second in all: it runs to its end, and again with nothing to do."""
+    monkeypatch.setattr("exumob.learning.learn.envelope_of", lambda vehicle, waters, progress=None: ENVELOPE)
+    arguments = ["learn", "--output", tmp_path / "out", "--budget", "0.02", "--cell-size", "0.08", "--run-time", "0.2",
+                 "--seeds", "1", "--depth", "0.4:0.6", "--current", "0:0.5", "--directions", "ahead"]  # fmt: skip
+    call = [str(argument) for argument in arguments]
+    answer = CliRunner().invoke(app, call, env={"COLUMNS": "200", "TERM": "dumb"})
+    assert answer.exit_code == 0, answer.output
+    assert "lost: the gap between keel and bed" in answer.output and "card" in answer.output
+    runs = load_runs((tmp_path / "out" / "runs").glob("captive*.nc"))
+    assert all(float(np.abs(run["water_wrench"].values[:, 0, 2]).max()) > 1.0 for run in runs.values())
+    assert (tmp_path / "out" / CARD).stat().st_size > 50_000
+    again = CliRunner().invoke(app, call, env={"COLUMNS": "200", "TERM": "dumb"})
+    assert again.exit_code == 0 and re.search(r"(\d+) of \1 runs are there already", again.output)
+    other = CliRunner().invoke(app, [*call, "--cell-size", "0.07"], env={"COLUMNS": "200", "TERM": "dumb"})
+    assert other.exit_code == 2 and "holds runs on cells of 0.08 m" in other.output

@@ -1,0 +1,191 @@
+"""The plan of a vehicle's runs: ranges by Froude's law, an even fill, what a budget buys, and the folder of runs."""
+
+import json
+import math
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from made_up_learning import ENVELOPE, states_run
+
+from exumob.learning import campaign
+from exumob.learning.campaign import LearningFolder, captive_histories
+from exumob.learning.dataset import check_run
+from exumob.learning.plan import APART, CaptiveTask, FreeTask, LearningRange, make_plan, maneuver_name
+from exumob.simulation.result_files import save_dataset
+from vehicle_models.amphibious import amphibious_vehicle
+from vehicle_models.light_4x4 import light_4x4
+
+CAR = amphibious_vehicle()
+WANTED = LearningRange()
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return make_plan(CAR, WANTED, 0.4, 0.045, ENVELOPE)
+
+
+@pytest.fixture(scope="module")
+def short():
+    """Five captive runs and a free one, as short as they can be."""
+    return make_plan(CAR, WANTED, 0.012, 0.06, ENVELOPE, run_time=0.4)
+
+
+# -- ranges ------------------------------------------------------------------------------------------------------------
+
+
+def test_currents_scale_by_froude_and_depths_with_the_tyre():
+    assert WANTED.currents(CAR) == pytest.approx((0.0, 1.5))
+    large = light_4x4()
+    assert WANTED.currents(large)[1] == pytest.approx(1.5 * math.sqrt(2.40 / 0.714))
+    assert WANTED.depths(large) == pytest.approx((0.2 * 0.72, 0.9 * 0.72))
+
+
+@pytest.mark.parametrize(
+    ("directions", "angles"),
+    [("ahead", {0}), ("along", {0, 180}), ("all", None)],
+)
+def test_currents_come_from_the_sides_that_are_wanted(directions, angles):
+    wanted = replace(WANTED, directions=directions)
+    found = {
+        round(abs(math.degrees(math.remainder(wanted.water(CAR, 0.5, 1.0, s).current_direction - math.pi, math.tau))))
+        for s in np.linspace(0.0, 0.99, 34)
+    }
+    assert found == angles if angles else len(found) > 10
+
+
+def test_ranges_are_filled_evenly_and_to_their_ends(plan):
+    """The largest empty circle of a lattice of as many points has 0.7 of its spacing for a radius."""
+    captive = [task for task in plan.tasks if isinstance(task, CaptiveTask)]
+    low, high = WANTED.depths(CAR)
+    places = np.array([[(t.water.depth - low) / (high - low), t.water.current_speed / 1.5] for t in captive])
+    assert places.min(axis=0) == pytest.approx([0.0, 0.0]) and places.max(axis=0) == pytest.approx([1.0, 1.0])
+    anywhere = np.random.default_rng(0).uniform(size=(2000, 2))
+    distance = np.linalg.norm(anywhere[:, None] - places[None], axis=-1).min(axis=1)
+    assert distance.max() < 1.5 / math.sqrt(len(places))
+    turned = np.array([t.water.current_direction for t in captive])
+    assert np.diff(np.sort(turned)).max() < 4.0 * math.tau / len(captive)
+
+
+def test_one_in_five_is_kept_apart_and_free_runs_all(plan):
+    captive = [task for task in plan.tasks if isinstance(task, CaptiveTask)]
+    assert [task.role == "apart" for task in captive] == [n % APART == APART - 1 for n in range(len(captive))]
+    free = [task for task in plan.tasks if isinstance(task, FreeTask)]
+    assert {task.role for task in free} == {"apart"}
+    assert [maneuver_name(task.maneuver) for task in free[:3]] == ["lane change", "circle", "straight"]
+    assert any(0.0 in task.motion.speeds for task in captive)
+    assert any(min(task.motion.speeds) < 0.0 for task in captive)
+
+
+# -- budget ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_larger_budget_adds_runs_to_those_of_a_smaller_one(plan):
+    less = make_plan(CAR, WANTED, 0.15, 0.045, ENVELOPE)
+    assert {task.name for task in less.tasks} < {task.name for task in plan.tasks}
+    for made in (less, plan):
+        assert made.core_hours + made.training_hours <= made.budget
+        cheapest = min(task.cost.seconds for task in made.tasks) / 3600.0
+        assert made.core_hours + made.training_hours > made.budget - 4.0 * cheapest
+
+
+def test_a_budget_too_small_is_refused_with_what_it_buys():
+    with pytest.raises(ValueError, match=r"budget = 0.01 h buys about .* s of flow on cells of 45 mm, and .* 0\.\d+ h"):
+        make_plan(CAR, WANTED, 0.01, 0.045, ENVELOPE)
+
+
+def test_the_plan_says_what_cells_lose_and_what_it_takes(plan):
+    text = "\n".join(plan.lines(2))
+    assert (
+        "lost: the gap between keel and bed of 78.0 mm has 1.7 cells of 44.6 mm and needs 2 (0.039 m would do)" in text
+    )
+    assert "depth 0.2 to 0.9 of the tyre's diameter (0.04 to 0.18 m)" in text
+    assert f"of a budget of {plan.budget:g}" in text and "of memory" in text and "kept apart" in text
+    assert all(task.name in text for task in plan.tasks)
+    fine = make_plan(CAR, WANTED, 12.0, 0.0115, ENVELOPE)
+    assert not fine.lost and len(fine.resolved) == 3
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("depth", (0.9, 0.2), r"LearningRange.depth = \(0.9, 0.2\)"),
+        ("current", (1.0, 0.5), r"LearningRange.current = \(1, 0.5\)"),
+        ("depth", (0.0, 0.5), r"LearningRange.depth\[0\] = 0"),
+        ("current", (-1.0, 0.5), r"LearningRange.current\[0\] = -1"),
+        ("directions", "left", r"LearningRange.directions = 'left'"),
+    ],
+)
+def test_bad_ranges_are_refused(field, value, message):
+    with pytest.raises(ValueError, match=message):
+        replace(WANTED, **{field: value})
+
+
+# -- folder and runs ---------------------------------------------------------------------------------------------------
+
+
+def test_a_folder_belongs_to_one_vehicle_and_one_size_of_cells(tmp_path):
+    folder = LearningFolder(tmp_path)
+    folder.claim(CAR, 0.04)
+    folder.claim(replace(CAR, name="another name"), 0.04)
+    heavier = replace(CAR, hull=replace(CAR.hull, mass=60.0))
+    with pytest.raises(ValueError, match=r"runs of another vehicle: hull.mass was 49.0, is 60.0"):
+        folder.claim(heavier, 0.04)
+    with pytest.raises(ValueError, match=r"runs on cells of 0.04 m, and --cell-size is 0.05 m"):
+        folder.claim(CAR, 0.05)
+    (tmp_path / campaign.ABOUT).write_text("{")
+    with pytest.raises(ValueError, match="cannot be read"):
+        folder.claim(CAR, 0.04)
+
+
+def test_runs_of_two_solvers_are_refused_unless_said_and_runs_of_others_join(short, tmp_path):
+    folder = LearningFolder(tmp_path)
+    for n, task in enumerate(short.tasks[:3]):
+        run = states_run(task, CAR)
+        if n == 1:
+            run.attrs["flow_revision"] = "another"
+        if n == 2:  # of another program
+            run.attrs = {k: v for k, v in run.attrs.items() if k not in ("flow_revision", "role")}
+        save_dataset(run, folder.runs / f"run{n}.nc")
+    with pytest.raises(ValueError, match=r"1 of 2 runs were made with another version .* \(run1\).*--mixed"):
+        folder.load()
+    assert set(folder.load(mixed=True)) == {"run0", "run1", "run2"}
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(ValueError, match="cannot be made"):
+        LearningFolder(tmp_path / "x")
+
+
+def test_a_file_is_no_folder(tmp_path):
+    with pytest.raises(ValueError, match=r"--output .*\.nc: this is to be a folder"):
+        LearningFolder(tmp_path / "x.nc")
+
+
+def test_captive_runs_teach_as_free_ones_do(short):
+    """Loads are means over intervals: a straight line in time comes out as it is, without a shift."""
+    task = replace(short.tasks[0], interval=5e-3)
+    ends = 5e-3 * np.arange(1, round(task.duration / 5e-3) + 1)
+    middle = ends - 2.5e-3
+    result = xr.Dataset(
+        {
+            "force": (("time", "body", "axis"), np.ones((len(ends), 5, 3)) * (40.0 + 8.0 * middle)[:, None, None]),
+            "moment": (("time", "body", "axis"), np.ones((len(ends), 5, 3))),
+        },
+        {"time": ends}, {"status": "completed", "wall_time": 2.0},
+    )  # fmt: skip
+    run = captive_histories(result, task, CAR).assign_attrs(scenario=task.name)
+    check_run(run, task.name)
+    inside = (run["time"].values > middle[0]) & (run["time"].values < middle[-1])
+    wanted = 40.0 + 8.0 * run["time"].values[inside]
+    assert run["water_wrench"].values[inside, 2, 1] == pytest.approx(wanted, rel=1e-5)
+    assert run["time"].values[[0, -1]] == pytest.approx([5e-3, task.duration])
+    place = task.motion.poses(CAR, task.water, 0.1).position
+    assert run["position"].sel(time=0.1, method="nearest").values == pytest.approx(place, abs=1e-6)
+    speed = np.gradient(run["velocity"].values[:, 0, 0].astype(float), run["time"].values)
+    assert run["acceleration"].values[5:-5, 0, 0] == pytest.approx(speed[5:-5], abs=2e-3)
+    assert json.loads(run.attrs["parameters"])["vehicle"]["Vehicle"]["name"] == CAR.name
