@@ -76,8 +76,9 @@ def coefficient_flow(task, vehicle, checkpoint, progress):
         run = states_run(task, vehicle)
         loads = MORE * base_loads(run, vehicle)
         return histories_with(run, loads)
+    sand = Soil.published(SOIL)
     result = simulate(
-        vehicle, Soil.published(SOIL), task.water, task.maneuver, "coefficients", duration=task.duration, micro_step=5e-4,
+        vehicle, sand, task.water, task.maneuver, "coefficients", duration=task.duration, micro_step=5e-4,
         macro_step=1e-3, record_step=1e-3,
     )  # fmt: skip
     return pack(result).assign_attrs(described(task, vehicle) | {"parameters": result.attrs["parameters"]})

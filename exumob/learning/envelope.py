@@ -37,7 +37,7 @@ TAILS = 0.01
 """Part of the instants that may lie below, and above, the envelope [-]."""
 MARGIN, WAVES_MARGIN = 0.1, 0.5
 """By how much the ranges are made wider on either side, over their width [-]; the second one of heave, pitch and roll:
-the coefficient model knows no waves, and with the flow in the loop the vehicle trims about twice as much."""
+the coefficient model knows no waves, which make a hull trim and heave."""
 LEAST = {"speed": 0.1, "sway": 0.05, "yaw_rate": 0.1, "slip": 0.05, "steering": 0.1, "pitch": 0.01, "roll": 0.01}
 """Least half widths, over the usual speed, the usual speed over the wheelbase, or as they are [rad]; those of heave and
 sinkage are a fiftieth of the tyre's diameter."""

@@ -47,7 +47,8 @@ CAPTIVE_TIME, RAMP = 8.0, 1.0
 """Duration of a captive run and of its ramp, times `time_scale` [s]."""
 FREE_SHARE = 0.2
 """Part of the budget for free runs."""
-MOST_FREE = 6
+MOST_FREE, MOST_CAPTIVE = 6, 1000
+"""Most runs of each kind that are planned."""
 INTERVALS = (10e-3, 5e-3, 4e-3, 2e-3, 1e-3)
 """Intervals of the loads of captive runs [s]: the longest one that the flow goes through in one step is taken."""
 MICRO_STEP, LONGEST_MACRO_STEP = 5e-4, 4e-3
@@ -218,6 +219,7 @@ class LearningPlan:
         found.append(
             f"runs      {len(captive)} captive of {captive[0].duration:g} s ({apart} kept apart), {len(free)} free "
             f"(kept apart): {self.simulated:.0f} s in all"
+            + (f"; more than {MOST_CAPTIVE} captive ones are not planned" if len(captive) >= MOST_CAPTIVE else "")
         )
         found += [
             f"          {task.name}: {_described(task, car)}; {task.cost.cells:,.0f} cells, {task.cost.steps:,.0f} "
@@ -313,8 +315,10 @@ def make_plan(  # each argument is a choice of its own
         ):
             break
         chosen.append(task)
-    for teacher in captive:
-        if price([*chosen, teacher]) > budget:
+    left = budget - price(chosen)
+    for teacher in itertools.islice(captive, MOST_CAPTIVE - APART):
+        left -= price([teacher])
+        if left < 0.0:
             break
         chosen.append(teacher)
     limit = vehicle.steering.limit

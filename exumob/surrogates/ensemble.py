@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from exumob.support.declared import checked
 from exumob.surrogates.networks import (
     VERSION,
     NetworkSet,
@@ -29,6 +30,7 @@ CARD = "report_card"
 """Key under which the origin of networks (`NetworkSet.about`) holds what was measured of them."""
 
 
+@checked
 def save_ensemble(members: Sequence[NetworkSet], file: str | Path, card: dict[str, Any] | None = None) -> Path:
     """Write members into one file (.safetensors), whole or not at all; return its path.
 
@@ -57,6 +59,7 @@ def save_ensemble(members: Sequence[NetworkSet], file: str | Path, card: dict[st
     return path
 
 
+@checked
 def load_members(file: str | Path) -> list[NetworkSet]:
     """Read the members of a file of `save_ensemble`, or the one set of a file of `NetworkSet.save`.
 

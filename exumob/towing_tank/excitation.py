@@ -115,7 +115,7 @@ class Excitation(Declared):
     Raises
     ------
     ValueError
-        If the run is too short to tell the channels apart, a level of the speed is outside the envelope, or there are
+        If the run is too long for its frequencies, a level of the speed is outside the envelope, or there are
         not nine offsets.
     """
 
@@ -153,7 +153,10 @@ class Excitation(Declared):
                 f"Excitation.ramp_time = {self.ramp_time:g} s leaves nothing of duration = {self.duration:g} s; give a "
                 "longer one."
             )
-        _signals(self.period, self.envelope.slow, self.envelope.fast, self.turn, self.seed)
+        try:
+            _harmonics(self.period, self.envelope.slow, self.envelope.fast, self.turn)
+        except ValueError as error:
+            raise ValueError(f"Excitation.duration = {self.duration:g} s: {error}") from None
 
     @property
     def period(self) -> float:
@@ -206,14 +209,19 @@ class Excitation(Declared):
 
 
 @lru_cache(maxsize=64)
-def _signals(period: float, slow: float, fast: float, turn: int, seed: int) -> tuple[Multisine, ...]:
-    """Signals of the channels. Bands that are too narrow for `LEAST_MULTIPLES` sines each are made wider."""
+def _harmonics(period: float, slow: float, fast: float, turn: int) -> tuple[tuple[int, ...], ...]:
+    """Harmonics of the channels. Bands that are too narrow for `LEAST_MULTIPLES` sines each are made wider."""
     slower = max(slow, (LEAST_MULTIPLES * SLOW + 0.5) / period)
     faster = max(fast, slower + (LEAST_MULTIPLES * (len(CHANNELS) - SLOW) + 0.5) / period)
-    highest = [slower] * SLOW + [faster] * (len(CHANNELS) - SLOW)
+    return tuple(shared_harmonics(period, [slower] * SLOW + [faster] * (len(CHANNELS) - SLOW), turn))
+
+
+@lru_cache(maxsize=64)
+def _signals(period: float, slow: float, fast: float, turn: int, seed: int) -> tuple[Multisine, ...]:
+    """Signals of the channels."""
     return tuple(
         small_peak(harmonics, seed * len(CHANNELS) + n)
-        for n, harmonics in enumerate(shared_harmonics(period, highest, turn))
+        for n, harmonics in enumerate(_harmonics(period, slow, fast, turn))
     )
 
 

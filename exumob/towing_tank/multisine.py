@@ -15,10 +15,9 @@ from functools import lru_cache
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
-from exumob.support.arrays import Array, checked_array
+from exumob.support.arrays import Array
 from exumob.support.declared import checked
 from exumob.support.quantities import Quantity
 
@@ -26,6 +25,8 @@ SAMPLES_A_CYCLE = 24
 """Samples in a cycle of the highest harmonic at which a peak is looked for."""
 STARTS = 4
 """Sets of phases from which the search for a small peak begins: Schroeder's, and random ones."""
+MOST_MULTIPLES = 2000
+"""Largest multiple of the fundamental."""
 POWER = 24
 """Norm of the signal that stands for its peak while the phases are sought: it can be differentiated."""
 
@@ -47,7 +48,7 @@ class Multisine(NamedTuple):
 
 
 @checked
-def relative_peak_factor(signal: ArrayLike) -> float:
+def relative_peak_factor(signal: Annotated[Array, Quantity("1", shape=("n",))]) -> float:
     """Return the range of a signal over 2 sqrt(2) times its root mean square [-]: 1 for one sine.
 
     Raises
@@ -55,11 +56,12 @@ def relative_peak_factor(signal: ArrayLike) -> float:
     ValueError
         If the signal has no values, or all are 0.
     """
-    values = checked_array("relative_peak_factor.signal", signal, ("n",))
-    size = float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
-    if not size > 0.0:
+    size = float(np.abs(signal).max(initial=0.0))
+    signal = signal / size if size > 0.0 else signal
+    deviation = float(np.sqrt(np.mean(signal**2))) if len(signal) else 0.0
+    if not deviation > 0.0:
         raise ValueError("relative_peak_factor.signal is 0 everywhere; give one that varies.")
-    return float(np.ptp(values)) / (2.0 * math.sqrt(2.0) * size)
+    return float(np.ptp(signal)) / (2.0 * math.sqrt(2.0) * deviation)
 
 
 @checked
@@ -93,7 +95,7 @@ def shared_harmonics(
         If the period is too short to give each signal one.
     """
     bands = [int(period * upper + 1e-9) for upper in highest]
-    if max(bands, default=0) > 100_000:
+    if max(bands, default=0) > MOST_MULTIPLES:
         raise ValueError(
             f"shared_harmonics.period = {period:g} s holds {max(bands)} cycles of the highest frequency; give a "
             "shorter one, or lower frequencies."

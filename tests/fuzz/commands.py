@@ -40,7 +40,7 @@ TEXTS = [
 
 BEGINNINGS = stops(
     "exumob.learning.training.ProcessPoolExecutor", "exumob.learning.onnx_export.export_onnx",
-    "exumob.simulation.ensemble.simulate", "exumob.commands.verify.with_progress",
+    "exumob.learning.learn.envelope_of", "exumob.simulation.ensemble.simulate", "exumob.commands.verify.with_progress",
 )  # fmt: skip
 NAMED = re.compile(
     r"--[a-z][a-z-]*|\b[A-Za-z_.]+\.[a-z_]+\b|'[A-Z_]+(\.\.\.)?'|'[A-Z]+'|simulate|maneuver|parameter|checkpoint|"
@@ -66,6 +66,7 @@ BASES = {
     "captive": [["--duration", "0.1"], ["--duration", "0.1", "--coarse", "--cell-size", "0.04"]],
     "sweep": [["--vary", "water.current_speed=0,0.5,1"], ["--vary", "soil.cohesion~normal(1300,200)"], []],
     "map": [["--draws", "1"], []],
+    "learn": [["--plan"], ["--output", "learnt"], []],
     "train": [[]],
     "export": [["none.safetensors", "--output", "x.onnx"]],
     "soils": [[]],

@@ -45,6 +45,7 @@ from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
 from exumob.sweeps.experiment import Experiment, amphibious_crossing, amphibious_lane_change
 from exumob.sweeps.sampling import Choice, Distribution, LogNormal, Normal, Triangular, Uniform
+from exumob.towing_tank.excitation import Envelope, Excitation
 from exumob.towing_tank.motion import CaptiveMotion, PrescribedMotion
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
@@ -56,6 +57,12 @@ from .strategies import EXAMPLES
 VEHICLES = (amphibious_vehicle, light_4x4, small_car)
 RAMP = ([0.1 * n for n in range(11)], [0.0] * 11, [10.0 * smooth_step(0.1 * n)[0] for n in range(11)])
 """Times [s], steering angles [rad] and wheel speeds [rad/s] of a recorded maneuver"""
+
+
+ENVELOPE = Envelope(
+    speed=(-0.6, 1.0), sway=(-0.2, 0.2), yaw_rate=(-0.6, 0.6), slip=(-0.1, 0.5), steering=(-0.5, 0.5),
+    heave=(-0.02, 0.01), pitch=(-0.03, 0.05), roll=(-0.03, 0.03), sinkage=(0.0, 0.02),
+)  # fmt: skip
 
 
 def _examples() -> dict[Any, list[tuple[str, Any]]]:
@@ -92,7 +99,9 @@ def _examples() -> dict[Any, list[tuple[str, Any]]]:
         **{type(m): [(n, m)] for n, m in maneuvers},
         Hydrodynamics: [coefficients, ("NoWater", NoWater())],
         Coupling: [("Explicit", Explicit()), ("SemiImplicit", SemiImplicit()), ("Strong", Strong())],
-        PrescribedMotion: [("CaptiveMotion", CaptiveMotion())],
+        PrescribedMotion: [("CaptiveMotion", CaptiveMotion()), ("Excitation", Excitation(ENVELOPE, (0.5, 0.0)))],
+        Envelope: [("envelope", ENVELOPE)],
+        Excitation: [("Excitation", Excitation(ENVELOPE, (0.5, 0.0)))],
         CaptiveMotion: [("CaptiveMotion", CaptiveMotion())],
         Distribution: distributions,
         **{type(d): [(n, d)] for n, d in distributions},

@@ -353,17 +353,20 @@ def function_targets() -> list[Target]:
     from exumob.flow.vehicle_window import vehicle_window
     from exumob.ground.hull_contact import hull_contact
     from exumob.learning.examples import training_runs
+    from exumob.learning.plan import LearningRange, make_plan
     from exumob.mobility.crossing import Limits, judge_crossing
     from exumob.mobility.map import compute_map
     from exumob.simulation.settings import setting_named
     from exumob.simulation.verdict import judge
     from exumob.simulation.water_models import hydrodynamics_named
+    from exumob.surrogates.ensemble import load_members, save_ensemble
     from exumob.surrogates.model import SurrogateHydrodynamics
     from exumob.sweeps.experiment import maneuver_named
     from exumob.sweeps.run import sweep
     from exumob.sweeps.sampling import Normal, grid, sample
     from exumob.sweeps.study import from_options, parse_variation
     from exumob.sweeps.tuning import tune
+    from exumob.towing_tank.multisine import relative_peak_factor, shared_harmonics
     from exumob.towing_tank.run import captive_run
     from exumob.water.wetted_surface import box_surface
 
@@ -445,6 +448,17 @@ def function_targets() -> list[Target]:
           {"vehicle": None, "settings": [], "varied": ["water.current_speed=0,1"], "number": 4, "seed": 0},
           also=("--vary", "--set", "--samples", "--seed", "--vehicle", "vary", "set"), files=True),
         f("parse_variation", parse_variation, {"text": "a=0:1:3"}, also=("--vary",)),
+        f("relative_peak_factor", relative_peak_factor, {"signal": [0.0, 1.0, -1.0]},
+          verify=lambda p: finite("relative_peak_factor", p)),
+        f("shared_harmonics", shared_harmonics, {"period": 7.0, "highest": [1.0, 2.0]}, also=("period", "highest")),
+        f("make_plan", make_plan, {
+            "vehicle": vehicle, "wanted": LearningRange(), "budget": 1.0, "cell_size": 0.05,
+            "envelope": EXAMPLES[examples.Envelope][0].make(),
+        }, also=("Excitation", "Envelope", "cell_size", "Grid", "window", "Water", "Hull")),
+        f("load_members", load_members, {"file": "none.safetensors"}, files=True),
+        f("save_ensemble", save_ensemble, {
+            "members": [EXAMPLES[examples.NetworkSet][0].make()], "file": "x.safetensors",
+        }, files=True, clear=(ValueError, OSError)),
         f("training_runs", training_runs, {"folder": "none"}, files=True, clear=(ValueError, FileNotFoundError)),
     ]  # fmt: skip
 
