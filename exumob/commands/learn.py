@@ -16,6 +16,8 @@ from exumob.support.quantities import CELL_SIZE, shown
 if TYPE_CHECKING:
     from exumob.learning.campaign import LearningFolder, RunProgress
     from exumob.learning.plan import LearningPlan, LearningRange
+    from exumob.towing_tank.excitation import Envelope
+    from exumob.vehicle.parameters import Vehicle
 
 MOST = 1000
 """Most seeds and workers."""
@@ -70,6 +72,7 @@ def learn_command(  # one argument an option of the command line
 
     Example: exumob learn --vehicle car.py --budget 12 --output car_networks --plan
     """
+    from exumob.learning.envelope import keep_envelope
     from exumob.learning.plan import LearningRange, make_plan
 
     folder: LearningFolder | None = None
@@ -89,8 +92,8 @@ def learn_command(  # one argument an option of the command line
             size = CELL_SIZE.check("--cell-size", cells_of(car) if cell_size is None else cell_size)
             _check_numbers(budget, run_time)
         if not plan:
-            _require_torch()
             from exumob.learning.campaign import LearningFolder
+            from exumob.learning.learn import learn_from  # noqa: F401  (without torch this is said before anything runs)
 
             assert output is not None
             folder = LearningFolder(output)
@@ -102,12 +105,12 @@ def learn_command(  # one argument an option of the command line
             console.print(line, soft_wrap=True)
         if folder is None:
             return
-        from exumob.learning.learn import keep_envelope
-
         keep_envelope(envelope, car, wanted, folder.path)
         folder.load(mixed)
-    except (ValueError, OSError, ImportError) as error:
+    except (ValueError, OSError) as error:
         fail(error)
+    except ImportError as error:
+        fail(ImportError(f"{error}; training needs torch: pip install 'exumob[train]'"))
     try:
         failed = _make_runs(made, folder, jobs, mixed)
         _train(made, folder, preset, jobs, mixed, failed)
@@ -117,13 +120,6 @@ def learn_command(  # one argument an option of the command line
         errors.print(f"Stopped; the same command goes on with {folder.path}.", soft_wrap=True)
         raise typer.Exit(130) from None
     raise typer.Exit(1 if failed else 0)
-
-
-def _require_torch() -> None:
-    try:
-        import torch  # noqa: F401
-    except ImportError as error:
-        raise ImportError(f"{error}; training needs torch: pip install 'exumob[train]'") from None
 
 
 def _check_numbers(budget: float, run_time: float | None) -> None:
@@ -145,9 +141,9 @@ def _pair(option: str, text: str) -> tuple[float, float]:
     return low, high
 
 
-def _envelope(car, wanted: LearningRange, folder: Path):  # type: ignore[no-untyped-def]
+def _envelope(car: Vehicle, wanted: LearningRange, folder: Path) -> Envelope:
     """Find the ranges of the motion, by cheap drives if they are not known yet."""
-    from exumob.learning.learn import stored_envelope
+    from exumob.learning.envelope import stored_envelope
 
     with counting_bar("drives with coefficients, for the ranges of the motion", 1, "drives") as (bar, task):
         return stored_envelope(car, wanted, folder, lambda done, of: bar.update(task, completed=done, total=of))

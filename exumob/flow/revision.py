@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
 from pathlib import Path
 
 from exumob.support.files import PACKAGE
 
 
-def solver_revision(further: Sequence[Path] = ()) -> str:
+def solver_revision(*further: str, package: Path = PACKAGE) -> str:
     """Return a digest of all sources of the flow solver; what only draws or writes a flow is left out.
 
     Parameters
     ----------
-    further : sequence of Path
-        Folders whose sources count as well.
+    further : str
+        Folders of the package whose sources count as well.
+    package : Path
+        Folder of the package.
     """
     digest = hashlib.sha256()
-    for file in sorted(file for folder in (PACKAGE / "flow", *further) for file in folder.rglob("*.py")):
-        place = file.relative_to(PACKAGE).as_posix()
+    for file in sorted(file for folder in ("flow", *further) for file in (package / folder).rglob("*.py")):
+        place = file.relative_to(package).as_posix()
         if not place.startswith("flow/output/") and file.name not in ("plots.py", "cost.py", "revision.py"):
             digest.update(place.encode() + file.read_bytes())
     return digest.hexdigest()[:12]

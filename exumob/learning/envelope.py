@@ -7,23 +7,32 @@ is the envelope; motions that are possible and not among these drives are not in
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from exumob.driving.maneuver import ConstantSteer, LaneChange, Maneuver, Recorded, smooth_step
 from exumob.ground.soil import Soil
+from exumob.learning.plan import LearningRange
 from exumob.simulation.run import simulate
 from exumob.simulation.settings import time_scale, usual_speed
 from exumob.support.arrays import Array
 from exumob.support.errors import SimulationError
+from exumob.support.files import write_text
+from exumob.support.identity import digest
+from exumob.support.provenance import parameters_json
 from exumob.towing_tank.excitation import CHANNELS, SLOW, Envelope
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
+from exumob.water.mesh_file import mesh_digest
 
 logger = logging.getLogger(__name__)
 
@@ -163,3 +172,36 @@ def _envelope(vehicle: Vehicle, found: Sequence[tuple[Array, Array]]) -> Envelop
         for part, band in ((frequency[:SLOW], SLOW_BAND), (frequency[SLOW:], FAST_BAND))
     )
     return Envelope(**ranges, slow=slow, fast=fast)
+
+
+def stored_envelope(
+    vehicle: Vehicle, wanted: LearningRange, folder: Path, progress: Callable[[int, int], None] | None = None
+) -> Envelope:
+    """Return the envelope of a vehicle for a range: that of the folder, if there is one, else that of new drives.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    wanted : LearningRange
+    folder : Path
+        Of `exumob.learning.campaign.LearningFolder`; it need not be there, and nothing is written.
+    progress : callable, optional
+        See `exumob.learning.envelope.envelope_of`.
+    """
+    key = envelope_key(vehicle, wanted)
+    try:
+        text = (folder / f"envelope_{key}.json").read_text(encoding="utf-8")
+        kept: Any = {name: tuple(v) if isinstance(v, list) else v for name, v in json.loads(text).items()}
+        return Envelope(**kept)
+    except (OSError, ValueError, TypeError, AttributeError):  # not there, or of another version
+        return envelope_of(vehicle, wanted.samples(vehicle), progress)
+
+
+def keep_envelope(envelope: Envelope, vehicle: Vehicle, wanted: LearningRange, folder: Path) -> None:
+    """Keep an envelope, so that a run that goes on is the one that was begun."""
+    write_text(folder / f"envelope_{envelope_key(vehicle, wanted)}.json", json.dumps(asdict(envelope)))
+
+
+def envelope_key(vehicle: Vehicle, wanted: LearningRange) -> str:
+    """Return a short hash of all that an envelope is made from, but for the program."""
+    return digest(parameters_json({"vehicle": vehicle, "range": wanted}) + mesh_digest(vehicle.hull))

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
 from exumob.learning.campaign import LearningFolder
-from exumob.learning.envelope import envelope_of
-from exumob.learning.plan import LearningPlan, LearningRange
+from exumob.learning.plan import LearningPlan
 from exumob.learning.presets import Preset
 from exumob.learning.report_card import CardContents, report_card
 from exumob.learning.training import Progress, train
 from exumob.learning.validation import card_figures, compare_drives, compare_loads, load_errors
 from exumob.support.files import write_text
-from exumob.support.identity import digest
-from exumob.support.provenance import parameters_json
 from exumob.surrogates.ensemble import save_ensemble
 from exumob.surrogates.networks import NetworkSet
-from exumob.towing_tank.excitation import Envelope
-from exumob.vehicle.parameters import Vehicle
-from exumob.water.mesh_file import mesh_digest
 
 NETWORKS, CARD = "networks.safetensors", "report_card.html"
 """Files of the networks and of the report card in a folder."""
@@ -40,39 +33,6 @@ class Learnt:
     card: Path
     figures: dict[str, Any]
     """See `exumob.learning.validation.card_figures`"""
-
-
-def stored_envelope(
-    vehicle: Vehicle, wanted: LearningRange, folder: Path, progress: Callable[[int, int], None] | None = None
-) -> Envelope:
-    """Return the envelope of a vehicle for a range: that of the folder, if there is one, else that of new drives.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    wanted : LearningRange
-    folder : Path
-        Of `exumob.learning.campaign.LearningFolder`; it need not be there, and nothing is written.
-    progress : callable, optional
-        See `exumob.learning.envelope.envelope_of`.
-    """
-    key = envelope_key(vehicle, wanted)
-    try:
-        text = (folder / f"envelope_{key}.json").read_text(encoding="utf-8")
-        kept: Any = {name: tuple(v) if isinstance(v, list) else v for name, v in json.loads(text).items()}
-        return Envelope(**kept)
-    except (OSError, ValueError, TypeError, AttributeError):  # not there, or of another version
-        return envelope_of(vehicle, wanted.samples(vehicle), progress)
-
-
-def keep_envelope(envelope: Envelope, vehicle: Vehicle, wanted: LearningRange, folder: Path) -> None:
-    """Keep an envelope, so that a run that goes on is the one that was begun."""
-    write_text(folder / f"envelope_{envelope_key(vehicle, wanted)}.json", json.dumps(asdict(envelope)))
-
-
-def envelope_key(vehicle: Vehicle, wanted: LearningRange) -> str:
-    """Return a short hash of all that an envelope is made from, but for the program."""
-    return digest(parameters_json({"vehicle": vehicle, "range": wanted}) + mesh_digest(vehicle.hull))
 
 
 def learn_from(  # each argument is a choice of its own

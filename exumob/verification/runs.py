@@ -52,7 +52,7 @@ def flow_revision() -> str:
 
     These are the folders of the flow solver and of the towing tank; what only draws or writes a flow is left out.
     """
-    return solver_revision((PACKAGE / "towing_tank",))
+    return solver_revision("towing_tank", package=PACKAGE)
 
 
 def finished_run(

@@ -1,0 +1,155 @@
+"""Several networks in one file, with what was measured of them: the line of trust quotes it, and what is beyond."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up_networks import SMALL, made_up
+
+from exumob.coupling.explicit import Explicit
+from exumob.driving.maneuver import ConstantSteer, Recorded, lane_change, smooth_step
+from exumob.ground.soil import Soil
+from exumob.ground.terrain import Terrain
+from exumob.simulation.description import RunDescription, Steps
+from exumob.simulation.trust import trust_of
+from exumob.simulation.water_models import hydrodynamics_named
+from exumob.surrogates.ensemble import card_of, load_members, save_ensemble
+from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import NetworkSet, write_arrays
+from exumob.water.conditions import Water
+from vehicle_models.amphibious import amphibious_vehicle
+
+CAR = amphibious_vehicle()
+MEMBERS = [made_up(SMALL, CAR, seed) for seed in range(3)]
+TIMES = np.linspace(0.0, 1.0, 9)
+RECORDED = Recorded(TIMES, 0.0 * TIMES, [smooth_step(x)[0] for x in TIMES])
+CARD = {
+    "vehicle": "amphibious", "members": 3, "cell_size": 0.02, "runs": 4, "seconds": 90.0, "load_error": 0.31,
+    "coefficients_load_error": 0.9, "worst_load": "hull Fz 0.71", "inside": 0.62, "depth_ratio": [0.2, 0.9],
+    "current_speed": [0.0, 1.5], "directions": "along", "soil": "LETE sand", "lost": [], "drives_failed": 0,
+    "drives": [
+        {"name": "a", "maneuver": "lane change", "end": 0.012, "outside": 0.1, "fallback": 0.01},
+        {"name": "b", "maneuver": "straight", "end": -0.034, "outside": 0.0, "fallback": 0.0},
+    ],
+}  # fmt: skip
+
+
+@pytest.fixture
+def file(tmp_path):
+    return save_ensemble(MEMBERS, tmp_path / "networks.safetensors", CARD)
+
+
+def test_members_come_back_as_they_were(file, tmp_path):
+    found = load_members(file)
+    assert [member.digest() for member in found] == [member.digest() for member in MEMBERS]
+    assert [member.architecture for member in found] == [SMALL] * 3
+    assert card_of(found) == CARD
+    single = MEMBERS[0].save(tmp_path / "one.safetensors")
+    assert [m.digest() for m in load_members(single)] == [MEMBERS[0].digest()]
+    with pytest.raises(ValueError, match=r"save_ensemble.members is empty"):
+        save_ensemble([], tmp_path / "none.safetensors")
+
+
+def with_card(member, card):
+    return replace(member, about=member.about | {"report_card": card})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda m: m[:2],  # not all of them
+        lambda m: [*m, m[0]],
+        lambda m: [m[0], m[1], MEMBERS[2]],  # one without a card
+        lambda m: [with_card(x, CARD | {"load_error": math.nan}) for x in m],
+        lambda m: [with_card(x, CARD | {"drives": "none"}) for x in m],
+        lambda m: [with_card(x, "good") for x in m],
+        lambda m: [],
+    ],
+)  # fmt: skip
+def test_a_card_holds_for_all_of_its_members_alone(file, change):
+    assert card_of(change(load_members(file))) is None
+
+
+def test_a_damaged_file_is_refused(file, tmp_path):
+    data = bytearray(file.read_bytes())
+    data[-3] ^= 0xFF
+    (tmp_path / "bad.safetensors").write_bytes(bytes(data))
+    with pytest.raises(ValueError, match="is damaged"):
+        load_members(tmp_path / "bad.safetensors")
+    with pytest.raises(ValueError, match="no such file of networks"):
+        load_members(tmp_path / "none.safetensors")
+    header = {"format": "exumob ensemble", "version": 1}
+    for members, message in (([], "does not say what its members are"), ([{}], "architecture"), ([3], "does not say")):
+        write_arrays(tmp_path / "x.safetensors", header | {"members": members}, {"0/W": np.zeros(3, np.float32)})
+        with pytest.raises(ValueError, match=message):
+            load_members(tmp_path / "x.safetensors")
+    write_arrays(tmp_path / "x.safetensors", header | {"version": 7}, {})
+    with pytest.raises(ValueError, match="is of version 7"):
+        load_members(tmp_path / "x.safetensors")
+
+
+def test_a_drive_takes_the_file(file):
+    model = hydrodynamics_named("networks", CAR, Water(0.12), networks=[file])
+    assert len(model.networks) == 3
+    more = hydrodynamics_named("networks", CAR, Water(0.12), networks=[file, MEMBERS[0]])
+    assert len(more.networks) == 4 and isinstance(more.networks[3], NetworkSet)
+
+
+# -- line of trust -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def run(file):
+    return RunDescription(
+        CAR, Soil.published("LETE sand"), Water.at_ratio(0.6, 1.0), Terrain(), lane_change(),
+        SurrogateHydrodynamics(load_members(file)), Explicit(), Steps(8.0, 1e-3, 20e-3, 1e-2), 0.0,
+    )  # fmt: skip
+
+
+def test_the_line_of_trust_quotes_the_card(run):
+    found = trust_of(run, 0.05, 0.0)
+    assert (found.status, found.departures) == ("measured", ())
+    assert found.mean == pytest.approx(0.023) and found.worst == 0.034
+    for text in ("2 drives kept apart ended 2.3 % of the path (at worst 3.4 %)", "off by 0.31 of their deviation",
+                 "worst hull Fz 0.71", "62 % of them within two deviations", "cells of 20 mm"):  # fmt: skip
+        assert text in found.line
+
+
+@pytest.mark.parametrize(
+    ("change", "quantity", "measured"),
+    [
+        ({"water": Water.at_ratio(1.0, 1.0)}, "depth ratio", "0.2 to 0.9"),
+        ({"water": Water.at_ratio(0.5, 2.0)}, "current", "0 to 1.5"),
+        ({"water": Water.at_ratio(0.5, 1.0, current_direction=1.0)}, "current turned from ahead by", "along"),
+        ({"soil": Soil.published("Grenville loam 24 %")}, "soil", "LETE sand"),
+        ({"terrain": Terrain.slope(0.1), "water": Water(level=0.1)}, "terrain", "flat"),
+        ({"maneuver": ConstantSteer(0.2)}, "maneuver", "lane change, straight"),
+        ({"maneuver": RECORDED}, "maneuver", "lane change, straight"),
+        ({"steps": Steps(8.0, 1e-3, 40e-3, 1e-2)}, "macro step", "20"),
+    ],
+)  # fmt: skip
+def test_what_is_beyond_the_card_is_said(run, change, quantity, measured):
+    found = trust_of(replace(run, **change), 0.05, 0.0)
+    assert found.status == "beyond"
+    assert measured in {d.quantity: d.measured for d in found.departures}[quantity]
+
+
+def test_water_from_behind_is_within_along(run):
+    behind = replace(run, water=Water.at_ratio(0.5, 1.0, current_direction=0.0))
+    assert trust_of(behind, 0.0, 0.0).status == "measured"
+
+
+def test_more_time_outside_the_range_is_said(run):
+    found = trust_of(run, 0.5, 0.2)
+    assert "outside the networks' training range for 50 % of the time (10 % of the time)" in found.line
+
+
+def test_without_drives_nothing_is_validated(file, tmp_path):
+    other = save_ensemble(MEMBERS, tmp_path / "other.safetensors", CARD | {"drives": []})
+    run = RunDescription(
+        CAR, Soil.published("LETE sand"), Water.at_ratio(0.6, 1.0), Terrain(), lane_change(),
+        SurrogateHydrodynamics(load_members(other)), Explicit(), Steps(8.0, 1e-3, 20e-3, 1e-2), 0.0,
+    )  # fmt: skip
+    found = trust_of(run)
+    assert found.status == "not validated" and "no drive was compared" in found.line
