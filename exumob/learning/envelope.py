@@ -54,6 +54,8 @@ REVERSING = -0.5
 """Speed of the tread in reverse, over the usual one [-]."""
 STEERING = math.radians(30.0)
 """Largest angle of the front wheels, if the vehicle can steer as far [rad]."""
+RATE_MARGIN, LEAST_RATE = 2.0, 0.1
+"""Largest rates over those of the drives [-]; the least over half the range, times `time_scale` [1/s]."""
 FASTER = 2.0
 """Highest frequency excited over the mean one of the drives [-]."""
 SLOW_BAND, FAST_BAND = (0.5, 1.5), (2.0, 5.0)
@@ -171,7 +173,9 @@ def _envelope(vehicle: Vehicle, found: Sequence[tuple[Array, Array]]) -> Envelop
         min(max(float(np.median(part)), band[0] / scale), band[1] / scale)
         for part, band in ((frequency[:SLOW], SLOW_BAND), (frequency[SLOW:], FAST_BAND))
     )
-    return Envelope(**ranges, slow=slow, fast=fast)
+    least_rates = LEAST_RATE * half / scale
+    largest = np.maximum(RATE_MARGIN * np.quantile(np.abs(rates), 1.0 - TAILS, axis=0), least_rates)
+    return Envelope(**ranges, slow=slow, fast=fast, rates=tuple(float(rate) for rate in largest))
 
 
 def stored_envelope(

@@ -100,14 +100,15 @@ def _made(c: CardContents) -> str:
 def _verdict(c: CardContents) -> str:
     """Say in two sentences what the card says."""
     error, base = c.figures["load_error"], c.figures["coefficients_load_error"]
-    ends = [one["end"] for one in c.figures["drives"]]
-    better = "better than" if error < 0.95 * base else "no better than" if error < 1.05 * base else "worse than"
-    drives = (
-        f"Drives end {100.0 * float(np.mean(ends)):.2g} % of the path (at worst {100.0 * max(ends):.2g} %) from the "
-        "same with the flow in the loop."
-        if ends
-        else "No drive could be compared with the flow in the loop."
-    )
+    drives = "No drive could be compared with the flow in the loop."
+    if c.figures["drives"]:
+        ends, others = ([one[name] for one in c.figures["drives"]] for name in ("end", "coefficients_end"))
+        known = [end for end in others if end is not None]
+        alone = f", with the published coefficients {100.0 * float(np.mean(known)):.3g} %" if known else ""
+        drives = (
+            f"Drives end {100.0 * float(np.mean(ends)):.3g} % of the path (at worst {100.0 * max(ends):.3g} %) from "
+            f"the same with the flow in the loop{alone}."
+        )
     return (
         f"On runs that they have not seen the loads are off by {error:.2f} of their deviation, {better} the published "
         f"coefficients alone ({base:.2f}). {drives} {100.0 * c.figures['inside']:.0f} % of the loads lie within two "
@@ -146,7 +147,7 @@ def _draw_range(c: CardContents) -> Figure:
             axes[0].scatter(ratio, np.hypot(*velocity.T), marker=marker, color=color, label=label, s=24)
             axes[1].scatter(*velocity.T, marker=marker, color=color, s=24)
         axes[0].set(xlabel="depth over tyre diameter", ylabel="current [m/s]", title="waters")
-        axes[0].legend(fontsize="x-small")
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=3, fontsize="x-small")
         axes[1].set(xlabel="current ahead [m/s]", ylabel="to the left [m/s]", title="where currents flow to")
         axes[1].set_aspect("equal", "datalim")
         axes[2].hexbin(inputs[:, 0], inputs[:, 1], gridsize=28, mincnt=1, cmap="Blues", bins="log", linewidths=0.1)

@@ -37,7 +37,8 @@ MIRRORED = (1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0)
 LEAST_MULTIPLES = 2
 """Sines that each channel has at least."""
 OFFSET = 0.4
-"""Part of half a range that a constant offset may take; the multisine has the rest."""
+"""Part of half a range that a constant part may take at least; the multisine has the rest, or less where its rates
+would be beyond those of the envelope: a hull that heaves by centimetres twice a second feels little but added mass."""
 SPEED_SHARE = 0.25
 """Part of the range of speeds that the multisine takes; the steps have the rest."""
 STANDING = 0.1
@@ -88,6 +89,8 @@ class Envelope(Declared):
     """Highest frequency of speed, sway, turning, slip and steering [Hz]"""
     fast: Annotated[float, HIGHEST] = 4.0
     """Highest frequency of heave, pitch, roll and sinkage [Hz]"""
+    rates: Annotated[tuple[float, ...] | None, Quantity("1", above=0.0, at_most=1e4)] = None
+    """Largest rates of the nine quantities, in the order of `CHANNELS`, in their units a second; None: no limit"""
 
     def _check(self) -> None:
         for name in CHANNELS:
@@ -96,6 +99,10 @@ class Envelope(Declared):
                 raise ValueError(
                     f"Envelope.{name} = ({low:g}, {high:g}): the first is to be the smaller one; change them over."
                 )
+        if self.rates is not None and len(self.rates) != len(CHANNELS):
+            raise ValueError(
+                f"Envelope.rates has {len(self.rates)} values; give one for each of {', '.join(CHANNELS)}, or none."
+            )
 
     @property
     def ranges(self) -> Array:
@@ -175,9 +182,13 @@ class Excitation(Declared):
         """Return the channels as prescribed, whatever the ramp makes of them; shape (n,) -> (n, 9), SI units."""
         low, high = self.envelope.ranges.T
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        offset, share = OFFSET * half * np.array(self.offsets), half - OFFSET * half * np.abs(self.offsets)
-        level, moving = self._levels(time)
+        share = (1.0 - OFFSET) * half
         share[0] = SPEED_SHARE * half[0]
+        if self.envelope.rates is not None:  # what is slow in a drive covers its range by its constant part
+            mean = [math.sqrt(float(np.mean(np.square(one.harmonics)))) / self.period for one in self.multisines()]
+            share = np.minimum(share, np.array(self.envelope.rates) / (2.0 * math.pi * np.array(mean)))
+        offset = (half - share) * np.array(self.offsets)
+        level, moving = self._levels(time)
         constant = np.tile(middle + offset, (len(time), 1))
         constant[:, 0] = np.clip(level, low[0] + share[0], high[0] - share[0])
         constant[:, 0] = np.where(moving > STANDING, constant[:, 0], level)

@@ -40,7 +40,8 @@ TEXTS = [
 
 BEGINNINGS = stops(
     "exumob.learning.training.ProcessPoolExecutor", "exumob.learning.onnx_export.export_onnx",
-    "exumob.learning.envelope.envelope_of", "exumob.simulation.ensemble.simulate", "exumob.commands.verify.with_progress",
+    "exumob.learning.envelope.envelope_of",
+    "exumob.simulation.ensemble.simulate", "exumob.commands.verify.with_progress",
 )  # fmt: skip
 NAMED = re.compile(
     r"--[a-z][a-z-]*|\b[A-Za-z_.]+\.[a-z_]+\b|'[A-Z_]+(\.\.\.)?'|'[A-Z]+'|simulate|maneuver|parameter|checkpoint|"

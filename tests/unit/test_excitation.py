@@ -76,6 +76,22 @@ def test_all_stays_within_the_envelope(speeds, seed):
     assert (used[3:] > 0.5).all()  # slip, steering and all that is vertical move over half of their ranges at least
 
 
+def test_rates_stay_within_the_envelope_and_constant_parts_take_the_rest():
+    """Root mean square over the largest rate: below 1 for sines that reach it; offsets of 1 reach the ends."""
+    rates = (0.5, 0.5, 1.0, 0.5, 0.9, 0.02, 0.03, 0.03, 0.02)
+    motion = replace(MOTION, envelope=replace(ENVELOPE, rates=rates), speeds=(0.8,), offsets=(0.0, *[1.0] * 8))
+    time = np.linspace(motion.ramp_time, motion.duration, 7001)
+    values = motion.values(time)
+    found = np.gradient(values, time, axis=0)
+    assert (np.sqrt(np.mean(found**2, axis=0)) < rates).all()
+    assert (np.sqrt(np.mean(found**2, axis=0))[5:] > 0.4 * np.array(rates[5:])).all()
+    low, high = ENVELOPE.ranges.T
+    assert (values[:, 5:].max(axis=0) > (high - 0.02 * (high - low))[5:]).all()
+    assert (values <= high + 2e-3 * (high - low)).all()
+    with pytest.raises(ValueError, match=r"Envelope.rates has 2 values; give one for each of speed"):
+        replace(ENVELOPE, rates=(1.0, 2.0))
+
+
 def test_it_stands_starts_stops_and_reverses():
     time = np.array([0.3, 0.6, 0.98]) * MOTION.duration
     values = MOTION.values(np.concatenate([t + np.linspace(-0.1, 0.1, 51) for t in time]))[:, 0].reshape(3, -1)
