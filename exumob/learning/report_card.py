@@ -100,6 +100,7 @@ def _made(c: CardContents) -> str:
 def _verdict(c: CardContents) -> str:
     """Say in two sentences what the card says."""
     error, base = c.figures["load_error"], c.figures["coefficients_load_error"]
+    better = "better than" if error < 0.95 * base else "no better than" if error < 1.05 * base else "worse than"
     drives = "No drive could be compared with the flow in the loop."
     if c.figures["drives"]:
         ends, others = ([one[name] for one in c.figures["drives"]] for name in ("end", "coefficients_end"))
