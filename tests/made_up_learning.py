@@ -1,6 +1,7 @@
 """Runs of a campaign without any flow: the loads are those of the coefficient model, and a bit more."""
 
 import os
+import time
 
 import numpy as np
 
@@ -68,6 +69,11 @@ def killed_once(task, vehicle, checkpoint, progress):
         os._exit(9)
     assert checkpoint.read_text() == "half"
     return quick(task, vehicle, checkpoint, progress) if "003" not in task.name else states_run(task, vehicle)
+
+
+def slow(task, vehicle, checkpoint, progress):
+    progress(0.1)
+    time.sleep(600.0)
 
 
 def coefficient_flow(task, vehicle, checkpoint, progress):

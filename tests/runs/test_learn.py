@@ -1,11 +1,12 @@
 """`exumob learn`: runs side by side that are killed and go on, training, report card, and the whole with the flow."""
 
 import base64
+import multiprocessing
 import re
 
 import numpy as np
 import pytest
-from made_up_learning import ENVELOPE, coefficient_flow, killed_once, quick
+from made_up_learning import ENVELOPE, coefficient_flow, killed_once, quick, slow
 from typer.testing import CliRunner
 
 from exumob.__main__ import app
@@ -52,6 +53,21 @@ def test_a_killed_run_goes_on_from_its_checkpoint(short, tmp_path):
             break
         assert all("the same command goes on" in text for text in failed.values())
     assert 2 <= rounds <= 3 and not folder.unfinished(tasks)
+
+
+def test_a_campaign_that_is_stopped_ends_its_processes(short, tmp_path):
+    begun = []
+
+    def stop(step):
+        begun.extend(multiprocessing.active_children())
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(short.tasks[:1], CAR, LearningFolder(tmp_path), progress=stop, compute=slow)
+    assert begun
+    for process in begun:
+        process.join(20.0)
+        assert not process.is_alive()
 
 
 def test_networks_learn_and_the_card_says_what_they_are_worth(tmp_path):
