@@ -29,7 +29,7 @@ from exumob.support.errors import SimulationError
 from exumob.support.files import write_text
 from exumob.support.identity import digest
 from exumob.support.provenance import parameters_json
-from exumob.towing_tank.excitation import CHANNELS, SLOW, Envelope
+from exumob.towing_tank.excitation import CHANNELS, FREE_STEERING, SLOW, Envelope
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 from exumob.water.mesh_file import mesh_digest
@@ -164,7 +164,7 @@ def _envelope(vehicle: Vehicle, found: Sequence[tuple[Array, Array]]) -> Envelop
         k = CHANNELS.index(name)
         low[k], high[k] = -max(-low[k], high[k]), max(-low[k], high[k])
     middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), least)
-    limit = vehicle.steering.limit
+    limit = FREE_STEERING * vehicle.steering.limit
     ranges = {name: (float(m - h), float(m + h)) for name, m, h in zip(CHANNELS, middle, half, strict=True)}
     ranges["steering"] = (max(ranges["steering"][0], -limit), min(ranges["steering"][1], limit))
     frequency = FASTER * rates.std(axis=0) / np.maximum(values.std(axis=0), 1e-9) / (2.0 * math.pi)

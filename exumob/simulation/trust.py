@@ -39,6 +39,8 @@ LEVEL_DIFFERENCE = 1e-3
 """Difference of the water's level over half the hull's length from which the line names it [m]."""
 CURRENT_DIFFERENCE = 0.01
 """Difference of the current over half the hull's length from which the line names it [m/s]."""
+MOSTLY = 0.25
+"""Share of the coefficient model in the loads from which a drive says little of networks [-]."""
 NAMED = 4
 """Number of differences that the line names; it counts the others."""
 
@@ -298,6 +300,11 @@ def _learnt(card: Mapping[str, Any], soil: str) -> Trust:
     )
     if not ends:
         return Trust("networks", "not validated", error, soil, advice="their drives were never compared. Where known,")
+    shares = [float(one["fallback"]) for one in card["drives"] if isinstance(one.get("fallback"), int | float)]
+    share = float(np.mean(shares)) if shares else 0.0
+    if share > MOSTLY:
+        advice = f"the coefficient model gave {100.0 * share:.0f} % of the loads in drives that were compared. In them,"
+        return Trust("networks", "not validated", error, soil, advice=advice)
     return Trust("networks", "measured", error, soil, (), float(np.mean(ends)), max(ends))
 
 

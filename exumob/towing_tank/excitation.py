@@ -47,6 +47,8 @@ STEP_SHARE = 0.35
 """Part of the time of a level of the speed that the step to it takes."""
 TABLE_STEP = 1e-3
 """Interval of the instants between which splines interpolate [s]."""
+FREE_STEERING = 0.98
+"""Part of the steering's limit that is used."""
 FREE_STROKE = 0.8
 """Part of a suspension's travel beyond which the stroke bends towards the stop."""
 
@@ -294,7 +296,7 @@ def _course(motion: Excitation, vehicle: Vehicle, water: Water) -> _Course:
     arms = vehicle.wheel_centers - vehicle.hull_origin
     strokes = _strokes(vehicle, arms, np.stack([heave, pitch, roll, sinkage]))
     limit = vehicle.steering.limit
-    command = np.clip(steering, -limit, limit)
+    command = np.clip(steering, -FREE_STEERING * limit, FREE_STEERING * limit)  # the splines overshoot a bend a little
     left, right = np.array([[m[0] for m in vehicle.steering_angles((angle, 0.0, 0.0))] for angle in command]).T
     spin = (c * path(time, 1)[:, 0] + s * path(time, 1)[:, 1]) * share + slip
     others = np.column_stack([heave, pitch, roll, strokes, left, right, spin / vehicle.wheel.radius])

@@ -113,6 +113,14 @@ def test_velocities_belong_to_places_and_the_start_is_smooth(car, caplog):
     assert np.abs(soon.spin).max() < 1e-4
 
 
+def test_steering_up_to_the_limit_is_no_error():
+    car = amphibious_vehicle()
+    wide = replace(MOTION, envelope=replace(ENVELOPE, steering=(-1.0, 1.0)))
+    low, high = check_motion(wide, car, WATER, wide.duration)
+    limit = car.steering.limit  # looked at 200 times
+    assert 0.95 * limit < -low < limit and 0.95 * limit < high < limit
+
+
 def test_wheels_stand_on_the_ground_and_keep_within_the_travel():
     car = amphibious_vehicle()
     for time in np.linspace(1.0, 8.0, 57):
