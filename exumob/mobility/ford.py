@@ -18,6 +18,7 @@ import xarray as xr
 from exumob.driving.path_following import PathFollowing
 from exumob.ground.soil import Soil
 from exumob.mobility.crossing import FOR_GOOD
+from exumob.simulation.ensemble import add_members
 from exumob.simulation.run import simulate
 from exumob.simulation.settings import time_scale, usual_speed
 from exumob.simulation.verdict import Flags, Verdict, VerdictLimits, judge, wheel_load_share
@@ -25,6 +26,7 @@ from exumob.simulation.water_models import DEFAULT_MODEL
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared, checked
 from exumob.support.quantities import DURATION, Quantity
+from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.start_pose import StartPose
 from exumob.water.conditions import Water
@@ -156,10 +158,41 @@ class Ford(Declared):
         ValueError, SimulationError, SimulationInterrupted
             As `exumob.simulate`.
         """
-        return simulate(
-            self.vehicle, self.soil, self.water, self.maneuver, hydrodynamics, duration=self.time, start=self.start,
-            terrain=self.section.terrain(), initial_speed=self.initial_speed, progress=progress, **options,
-        )  # fmt: skip
+        return simulate(*self._driven, hydrodynamics, progress=progress, **self._conditions, **options)
+
+    def add_members(
+        self,
+        run: xr.Dataset,
+        hydrodynamics: SurrogateHydrodynamics,
+        progress: Callable[[float], None] | None = None,
+        **options: Any,
+    ) -> xr.Dataset:
+        """Drive through it anew with each member of an ensemble of networks alone.
+
+        Parameters
+        ----------
+        run : xarray.Dataset
+            Result of `drive` with these networks and options.
+        hydrodynamics, progress, **options
+            As for `exumob.simulation.ensemble.add_members`, which says what is added.
+
+        Raises
+        ------
+        ValueError
+            If there is but one member.
+        """
+        return add_members(run, *self._driven, hydrodynamics, progress=progress, **self._conditions, **options)
+
+    @property
+    def _driven(self) -> tuple[Vehicle, Soil, Water, PathFollowing]:
+        return self.vehicle, self.soil, self.water, self.maneuver
+
+    @property
+    def _conditions(self) -> dict[str, Any]:
+        return {
+            "duration": self.time, "start": self.start, "terrain": self.section.terrain(),
+            "initial_speed": self.initial_speed,
+        }  # fmt: skip
 
     def lines(self) -> dict[str, str]:
         """Return what will be driven in words, by what it is about."""
@@ -206,6 +239,28 @@ class Extreme(NamedTuple):
         return f"at station {self.station:.2f} m, {self.time:.2f} s"
 
 
+class MemberCrossings(NamedTuple):
+    """What the members of an ensemble did, each driving alone: places alone are known of them, no loads."""
+
+    out: Array
+    """Time at which all of the vehicle was past the far edge [s], shape (members,); nan: it never was"""
+    drift: Array
+    """Largest displacement of the hull to the left of the path until then [m], negative to the right, (members,)"""
+
+    def __str__(self) -> str:
+        """Say it in a line."""
+        came = self.out[np.isfinite(self.out)]
+        text = f"{len(came)} of {len(self.out)} networks, each driving alone, come out past the far edge"
+        if len(came):
+            text += f", after {came.min():.2f} to {came.max():.2f} s"
+        low, high = self.drift.min(), self.drift.max()
+        if low < 0.0 < high:
+            return f"{text}; drift at most {-low:.2f} m to the right, {high:.2f} m to the left"
+        low, high = np.sort(np.abs([low, high]))
+        side = "left" if self.drift.max() > 0.0 else "right"
+        return f"{text}; drift of {low:.2f} to {high:.2f} m to the {side}"
+
+
 @dataclass(frozen=True)
 class FordReport:
     """What befell a vehicle in a ford."""
@@ -239,6 +294,8 @@ class FordReport:
     last: int
     """Number of the instant of the run up to which it goes"""
     limits: VerdictLimits
+    members: MemberCrossings | None = None
+    """None: the run has none (`Ford.add_members`)"""
 
     @property
     def crosses(self) -> bool:
@@ -282,6 +339,7 @@ class FordReport:
             ),
             "drift": f"{abs(self.drift.value):.2f} m to the {'left' if self.drift.value > 0.0 else 'right'} of the "
             f"path at most, {self.drift.where()}",
+            "members": "" if self.members is None else f"{self.members}",
         }
         return {name: text for name, text in found.items() if text}
 
@@ -312,6 +370,7 @@ def ford_report(run: xr.Dataset, ford: Ford, limits: VerdictLimits | None = None
         raise ValueError(f"ford_report: the run has no {', '.join(missing)}; give the result of Ford.drive.")
     verdict = judge(run, limits, ford.vehicle)
     station = stations(run)
+    members = _members(run, ford) if "member_position" in run else None
     across = np.flatnonzero(station - ford.overhangs[1] >= ford.edges[1])
     status = str(run.attrs.get("status", ""))
     if len(across):
@@ -350,12 +409,33 @@ def ford_report(run: xr.Dataset, ford: Ford, limits: VerdictLimits | None = None
         str(run.attrs.get("trust", "")),
         len(time) - 1,
         limits,
+        members,
     )
 
 
 def stations(run: xr.Dataset) -> Array:
     """Station of the middle between the wheels at each instant [m], shape (n,)."""
     return np.asarray(run["position"].sel(axis="x").values[:, 1:].mean(axis=1), float)
+
+
+def member_stations(run: xr.Dataset, ford: Ford) -> Array:
+    """Station of the middle between the wheels of each member at each instant [m], shape (members, n)."""
+    ahead = ford.vehicle.hull_origin[0] * np.cos(run["member_yaw"].values)
+    return np.asarray(run["member_position"].sel(axis="x").values - ahead, float)
+
+
+def _members(run: xr.Dataset, ford: Ford) -> MemberCrossings:
+    time, drift = run["time"].values.astype(float), run["member_position"].sel(axis="y").values
+    out, most = np.full(len(drift), np.nan), np.zeros(len(drift))
+    for n, station in enumerate(member_stations(run, ford)):
+        across = np.flatnonzero(station - ford.overhangs[1] >= ford.edges[1])
+        until = int(across[0]) + 1 if len(across) else len(time)
+        if len(across):
+            out[n] = time[across[0]]
+        known = drift[n, :until][np.isfinite(drift[n, :until])]
+        if len(known):
+            most[n] = known[np.argmax(np.abs(known))]
+    return MemberCrossings(out, most)
 
 
 def _outcome(verdict: Verdict, across: bool, status: str, end: float) -> tuple[str, float]:
