@@ -224,6 +224,23 @@ class Ford(Declared):
         return float(max(-slope.min(initial=0.0), 0.0)), float(max(slope.max(initial=0.0), 0.0))
 
 
+FIGURES: dict[str, tuple[str, str]] = {
+    # name: (unit, meaning)
+    "crosses": ("1", "whether all of the vehicle came past the far edge, its wheels on the ground all the way"),
+    "time": ("s", "time in which it crossed, else that from which it failed"),
+    "station": ("m", "station of the middle between the wheels then"),
+    "out": ("s", "time at which all of it was past the far edge, whatever had befallen it; nan: it never was"),
+    "drift": ("m", "largest displacement of the hull to the left of the path"),
+    "depth": ("m", "greatest depth of the undisturbed water below the hull's origin"),
+    "wheel_load": ("1", "least share of the weight on the wheels"),
+    "slip": ("1", "largest slip ratio, mean of the wheels in contact, once they are at speed"),
+    "freeboard": ("m", "least height of the hull's upper edge above the still water"),
+    "clearance": ("m", "least height of the hull above the soil"),
+    "hull_load": ("1", "largest share of the weight on the hull"),
+}
+"""Unit and meaning of each figure of `FordReport.figures`."""
+
+
 class Extreme(NamedTuple):
     """Least or largest value of something on the way, and where it was."""
 
@@ -303,14 +320,9 @@ class FordReport:
         return self.kind == "crosses"
 
     def figures(self) -> dict[str, float]:
-        """Return the numbers by name, as a sweep keeps them; ``crosses`` is 1 or 0."""
-        extremes = {
-            name: getattr(self, name).value
-            for name in ("drift", "depth", "wheel_load", "slip", "freeboard", "clearance", "hull_load")
-        }  # fmt: skip
-        return {
-            "crosses": float(self.crosses), "time": self.time, "station": self.station, "out": self.out, **extremes
-        }  # fmt: skip
+        """Return the numbers of `FIGURES` by name, as a sweep keeps them."""
+        found = ((name, getattr(self, name)) for name in FIGURES)
+        return {name: float(value.value if isinstance(value, Extreme) else value) for name, value in found}
 
     def lines(self) -> dict[str, str]:
         """Return the report in words, by what it is about."""
