@@ -167,7 +167,7 @@ class Bed:
         mean = float(depths[zone].mean())
         if mean == 0.0:
             return
-        rise = float(surplus.max()) * sides.settings.absorbing_width / math.sqrt(GRAVITY * mean)
+        rise = float(surplus.max()) * sides.settings.zone_width / math.sqrt(GRAVITY * mean)
         brought, taken = self._through_the_sides(far, depths)
         apart = abs(brought - taken) / max(brought, taken, 1e-300)
         if rise <= MOST_RISE * mean and apart <= UNEVEN:
