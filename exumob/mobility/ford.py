@@ -158,7 +158,7 @@ class Ford(Declared):
         ValueError, SimulationError, SimulationInterrupted
             As `exumob.simulate`.
         """
-        return simulate(*self._driven, hydrodynamics, progress=progress, **self._conditions, **options)
+        return simulate(hydrodynamics=hydrodynamics, progress=progress, **self._conditions, **options)
 
     def add_members(
         self,
@@ -181,15 +181,12 @@ class Ford(Declared):
         ValueError
             If there is but one member.
         """
-        return add_members(run, *self._driven, hydrodynamics, progress=progress, **self._conditions, **options)
-
-    @property
-    def _driven(self) -> tuple[Vehicle, Soil, Water, PathFollowing]:
-        return self.vehicle, self.soil, self.water, self.maneuver
+        return add_members(run, hydrodynamics=hydrodynamics, progress=progress, **self._conditions, **options)
 
     @property
     def _conditions(self) -> dict[str, Any]:
         return {
+            "vehicle": self.vehicle, "soil": self.soil, "water": self.water, "maneuver": self.maneuver,
             "duration": self.time, "start": self.start, "terrain": self.section.terrain(),
             "initial_speed": self.initial_speed,
         }  # fmt: skip

@@ -121,7 +121,8 @@ def plot_path(
     them apart.
     """
     path = dataset["position"].sel(body="hull").values[:, :2]
-    members = dataset["member_position"].values[:, :, :2] if "member_position" in dataset else ()
+    has_members = "member_position" in dataset
+    members: Array = dataset["member_position"].values[:, :, :2] if has_members else np.empty((0, 0, 2))
     if len(members) and label is None:
         label = "mean of the networks' loads"
     artists: list[Artist] = list(axes.plot(*path.T, color=color, lw=1.6, label=label, zorder=3))
