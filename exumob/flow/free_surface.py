@@ -347,8 +347,9 @@ def remove_dilatation(fraction: Array, sweeps: Sweeps, metrics: Metrics) -> None
 
 
 def transport(
-    fraction: Array, sweeps: Sweeps, order: tuple[int, int, int], metrics: Metrics, fill: Callable[[Array], None]
-) -> None:
+    fraction: Array, sweeps: Sweeps, order: tuple[int, int, int], metrics: Metrics,
+    complete: Callable[[Array, Sweeps, int | None], None],
+) -> None:  # fmt: skip
     """Carry the fraction over one step.
 
     Parameters
@@ -359,13 +360,14 @@ def transport(
     order : three ints
         Axes of the sweeps in turn (changed from step to step).
     metrics : Metrics
-    fill : callable
-        ``fill(fraction)`` sets the halo after each sweep.
+    complete : callable
+        ``complete(fraction, sweeps, axis)`` does what is to be done at solids, and sets the halo, after each sweep and,
+        with None for the axis, at the end.
     """
     orient(fraction, sweeps)
     for axis in order:
         sweep_fluxes(fraction, sweeps, axis, metrics)
         sweep_update(fraction, sweeps, axis, metrics)
-        fill(fraction)
+        complete(fraction, sweeps, axis)
     remove_dilatation(fraction, sweeps, metrics)
-    fill(fraction)
+    complete(fraction, sweeps, None)

@@ -72,6 +72,9 @@ class Step:
     """At the begin, and from `place_solids` on at the end"""
     shear: Array
     """Wall friction and drag of lugs, from `predict`: wrenches in grid axes [N, N m], shape (n, 6)"""
+    given: Array
+    """Water that the step has given to the cells near each solid, and its closed part at the begin, by rows [m^3],
+    from `place_solids` on; shape (n, ny)"""
 
     @property
     def yaw(self) -> float:
@@ -166,6 +169,7 @@ class TimeStep:
         return Step(
             dt, old, new, frame, mean_grid_velocity(old.frame, frame, dt), self.far(frame[2]),
             self._cells._replace(fraction=new.fraction, wet=new.wet), self.placement.solids, np.zeros(0),
+            np.zeros((0, 0)),
         )  # fmt: skip
 
     # -- the phases -----------------------------------------------------------------------------------------------
@@ -185,16 +189,16 @@ class TimeStep:
     def place_solids(self, step: Step, poses: Poses) -> None:
         """Solids and bed to where they are at the end, with the fraction in and at them and the wet cells."""
         new, bed = step.new, self.placement.bed
+        bodies, before = self.placement.bodies, self.placement.solids.regions
+        content = surface_at_solids.closed_content(step.old.fraction, bodies, before, self.metrics)
         self.place(poses, step.frame, step.old.steps)
         step.solids = solids = self.placement.solids
         o = self.placement.area_fractions
         new.fraction[:], new.eta_y[:] = step.old.fraction, step.old.eta_y
-        surface_at_solids.release_surface(
-            new.fraction, self._scratch, o, solids, step.grid_velocity, step.dt, self.metrics
+        given = surface_at_solids.refill_solids(
+            new.fraction, o.distance, bodies, solids.regions, self.metrics, self.settings.refill_depth
         )
-        surface_at_solids.refill_solids(
-            new.fraction, o.distance, solids.regions, self.metrics, self.settings.refill_depth
-        )
+        step.given = given + content
         if bed is not None:
             bed.refill(new.fraction, o)
         self.far_field.fill_fraction(new.fraction)
@@ -258,9 +262,34 @@ class TimeStep:
             self._orientation, self._scratch,
         )  # fmt: skip
         order = SWEEPS[step.old.steps % len(SWEEPS)]
-        free_surface.transport(new.fraction, sweeps, order, self.metrics, far_field.fill_fraction)
+        free_surface.transport(
+            new.fraction, sweeps, order, self.metrics,
+            lambda fraction, sweeps, axis: self._complete_sweep(fraction, sweeps, axis, step),
+        )  # fmt: skip
+        self._return_volume(step)
         added = far_field.relax_level(new.fraction, new.eta_y, step.dt)
         new.volume_added = step.old.volume_added + added
+
+    def _complete_sweep(self, fraction: Array, sweeps: free_surface.Sweeps, axis: int | None, step: Step) -> None:
+        """Fill the open part of cells at solids, and set the halo, after a sweep along `axis` (None: after the last)."""
+        bodies, solids = self.placement.bodies, step.solids
+        if axis is None:
+            surface_at_solids.settle_open_part(fraction, sweeps, bodies, solids, self.metrics, step.given)
+        else:
+            changed = self._change[0]
+            surface_at_solids.fill_open_part(
+                fraction, changed, sweeps, axis, bodies, solids, step.grid_velocity, self.metrics, step.given
+            )
+        self.far_field.fill_fraction(fraction)
+
+    def _return_volume(self, step: Step) -> None:
+        """Even out what the motion of the solids has added to the water; nothing while they rest in the grid."""
+        fraction, bodies, regions = step.new.fraction, self.placement.bodies, step.solids.regions
+        if len(regions):
+            left = surface_at_solids.closed_content(fraction, bodies, regions, self.metrics)
+            surface_at_solids.return_volume(
+                fraction, (step.given - left).sum(axis=1), bodies, regions, self.metrics
+            )
 
     def loads(self, step: Step, slip_momentum: Array) -> Loads:
         """Loads on the solids in their own axes."""
