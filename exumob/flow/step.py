@@ -196,7 +196,7 @@ class TimeStep:
         o = self.placement.area_fractions
         new.fraction[:], new.eta_y[:] = step.old.fraction, step.old.eta_y
         given = surface_at_solids.refill_solids(
-            new.fraction, o.distance, bodies, solids.regions, self.metrics, self.settings.refill_depth
+            new.fraction, o.distance, solids.regions, self.metrics, self.settings.refill_depth
         )
         step.given = given + content
         if bed is not None:
@@ -287,9 +287,7 @@ class TimeStep:
         fraction, bodies, regions = step.new.fraction, self.placement.bodies, step.solids.regions
         if len(regions):
             left = surface_at_solids.closed_content(fraction, bodies, regions, self.metrics)
-            surface_at_solids.return_volume(
-                fraction, (step.given - left).sum(axis=1), bodies, regions, self.metrics
-            )
+            surface_at_solids.return_volume(fraction, (step.given - left).sum(axis=1), bodies, regions, self.metrics)
 
     def loads(self, step: Step, slip_momentum: Array) -> Loads:
         """Loads on the solids in their own axes."""

@@ -21,10 +21,14 @@ from exumob.support.kernels import njit
 
 LEAST_SHARE = 1.0e-6
 """Open share of a cell below which it counts as closed [-]."""
+SMALL_SHARE = 0.2
+"""Open share below which the fraction of a cell follows the water beside it [-]."""
 ROUND_OFF = 1.0e-13
 """Change of the fraction below which the volume counts as right [-]."""
 LARGEST_RETURN = 0.1
-"""Most by which the fraction changes in one step for the volume to be right [-]."""
+"""Most of a cell's water, or air, that is taken in one step for the volume to be right [-]."""
+TAKES_PART = 0.5
+"""Open share from which a cell takes part in that [-]."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -70,11 +74,9 @@ def open_share(o: AreaFractions, j: int, k: int, i: int) -> float:
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def refill_solids(
-    fraction: Array, distance: Array, bodies: AreaFractions, regions: NDArray[np.int64], metrics: Metrics, depth: float
+    fraction: Array, distance: Array, regions: NDArray[np.int64], metrics: Metrics, depth: float
 ) -> Array:
-    """Give closed cells inside solids, up to `depth` cells below the wall, the fraction of the fluid beside them.
-
-    Cells that are partly open hold water of their own and keep it.
+    """Give cells inside solids, up to `depth` cells below the wall, the fraction of the fluid beside them.
 
     Parameters
     ----------
@@ -82,8 +84,6 @@ def refill_solids(
         [-]
     distance : array
         Signed distance to the nearest solid [m].
-    bodies : AreaFractions
-        Of the solids alone.
     regions : array of int, shape (n, 6)
         Index boxes of the solids.
     depth : float
@@ -109,7 +109,7 @@ def refill_solids(
                         continue
                     gx, gy, gz = gx / norm, gy / norm, gz / norm
                     h = abs(gx) * metrics.dx[i] + abs(gy) * metrics.dy[j] + abs(gz) * metrics.dz[k]
-                    if d < -depth * h or open_share(bodies, j, k, i) >= LEAST_SHARE:
+                    if d > -0.5 * h or d < -depth * h:
                         continue
                     step = h - d
                     value = sample_outside(  # of cells outside alone, so the order of the writes does not matter
@@ -182,7 +182,7 @@ def fill_open_part(
                     if o.nearest[j, k, i] != n:
                         continue
                     share = open_share(o, j, k, i)
-                    if share >= 1.0 or share < LEAST_SHARE:
+                    if share >= 1.0 or share < SMALL_SHARE:
                         continue
                     ux, uy, uz = body_velocity(  # a component does not depend on the place along its own axis
                         solids, n, metrics.xc[i] - solids.position[n, 0], metrics.yc[j] - solids.position[n, 1],
@@ -228,7 +228,7 @@ def settle_open_part(
                     if o.nearest[j, k, i] != n or begin[j, k, i] < 0.5:
                         continue
                     share = open_share(o, j, k, i)
-                    if share >= 1.0 or share < LEAST_SHARE:
+                    if share >= 1.0 or share < SMALL_SHARE:
                         continue
                     rate = (fx[j, k, i + 1] - fx[j, k, i]) / metrics.dx[i]  # that of the walls is 0: they are rigid
                     rate += (fy[j + 1, k, i] - fy[j, k, i]) / metrics.dy[j]
@@ -253,20 +253,20 @@ def closed_content(fraction: Array, bodies: AreaFractions, regions: NDArray[np.i
                     share = open_share(o, j, k, i)
                     if share < 1.0:
                         closed = 1.0 if share < LEAST_SHARE else 1.0 - share
-                        content[n, j] += (
-                            closed * fraction[j, k, i] * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
-                        )
+                        content[n, j] += closed * fraction[j, k, i] * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
     return content
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _surface_weight(fraction: Array, o: AreaFractions, j: int, k: int, i: int, taking: bool) -> float:
-    """Weight of a cell's surface, 0 if it has none [-]: its open share, and its fraction where water is taken."""
+    """Weight of a cell of the surface, 0 for others [-]: what it holds of water, or of air if it is to be given some."""
     c = fraction[j, k, i]
-    if c <= EMPTY or (c >= 1.0 - EMPTY and fraction[j, k + 1, i] >= 0.5):
-        return 0.0
-    share = open_share(o, j, k, i)
-    return 0.0 if share < LEAST_SHARE else (share * min(c, 1.0) if taking else share)
+    if taking:
+        at_surface = c > EMPTY and (c < 1.0 - EMPTY or fraction[j, k + 1, i] < 0.5)
+    else:
+        at_surface = c < 1.0 - EMPTY and (c > EMPTY or (k > HALO and fraction[j, k - 1, i] >= 0.5))
+    share = open_share(o, j, k, i) if at_surface else 0.0
+    return 0.0 if share < TAKES_PART else share * (min(c, 1.0) if taking else 1.0 - max(c, 0.0))
 
 
 @njit(cache=True, error_model="numpy")
@@ -276,8 +276,8 @@ def return_volume(
     """Give the surface near each solid what its motion has taken from the water, or take what it has added.
 
     A wall that moves through the grid closes and opens cells by its place, and displaces water by its velocity. Near
-    the surface the two agree to a few per cent of the displaced water. The difference goes evenly to the cells of the
-    surface near the solid. Where there are none, the solid is dry or submerged and nothing is done.
+    the surface the two agree to a few per cent of the displaced water. The difference is spread over the cells of
+    the surface near the solid. Where there are none, the solid is dry or submerged and nothing is done.
 
     Parameters
     ----------
@@ -302,11 +302,11 @@ def return_volume(
                         weights += weight * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
         if abs(gained[n]) <= ROUND_OFF * weights or weights == 0.0:
             continue
-        part = min(max(gained[n] / weights, -LARGEST_RETURN), LARGEST_RETURN)
-        for k in range(k0, k1):  # upwards: a cell's weight depends on the one above it
+        part = min(abs(gained[n]) / weights, LARGEST_RETURN)
+        for m in range(k0, k1):  # a cell's weight depends on the one above it if water is taken, else on that below
+            k = m if taking else k0 + k1 - 1 - m
             for j in range(j0, j1):
                 for i in range(i0, i1):
-                    if o.nearest[j, k, i] == n:
-                        weight = _surface_weight(fraction, o, j, k, i, taking)
-                        if weight > 0.0:
-                            fraction[j, k, i] -= part * (min(fraction[j, k, i], 1.0) if taking else 1.0)
+                    if o.nearest[j, k, i] == n and _surface_weight(fraction, o, j, k, i, taking) > 0.0:
+                        c = fraction[j, k, i]
+                        fraction[j, k, i] -= part * (min(c, 1.0) if taking else max(c, 0.0) - 1.0)
