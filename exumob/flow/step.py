@@ -271,7 +271,7 @@ class TimeStep:
         new.volume_added = step.old.volume_added + added
 
     def _complete_sweep(self, fraction: Array, sweeps: free_surface.Sweeps, axis: int | None, step: Step) -> None:
-        """Fill the open part of cells at solids, and set the halo, after a sweep along `axis` (None: after the last)."""
+        """Fill the open part of cells at solids, and set the halo, after a sweep along `axis` (None: the last)."""
         bodies, solids = self.placement.bodies, step.solids
         if axis is None:
             surface_at_solids.settle_open_part(fraction, sweeps, bodies, solids, self.metrics, step.given)

@@ -150,7 +150,7 @@ def fill_open_part(
     shifts the fraction as it stands, while the water that passes the wall, beta (u - u_s), has only the open share of
     the cell for its own. This function adds the difference, 1 / share - 1 times the change by the latter. Then solids
     at rest leave the sum of open share times fraction as it is, and a wall that slides along itself leaves the surface
-    where it is.
+    where it is. Cells hardly open would overflow in a step; they are left to `refill_solids` and `return_volume`.
 
     Parameters
     ----------
@@ -259,7 +259,7 @@ def closed_content(fraction: Array, bodies: AreaFractions, regions: NDArray[np.i
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _surface_weight(fraction: Array, o: AreaFractions, j: int, k: int, i: int, taking: bool) -> float:
-    """Weight of a cell of the surface, 0 for others [-]: what it holds of water, or of air if it is to be given some."""
+    """Weight of a cell of the surface, 0 for others [-]: what it holds of water, or of air if it is given some."""
     c = fraction[j, k, i]
     if taking:
         at_surface = c > EMPTY and (c < 1.0 - EMPTY or fraction[j, k + 1, i] < 0.5)
@@ -275,9 +275,10 @@ def return_volume(
 ) -> None:
     """Give the surface near each solid what its motion has taken from the water, or take what it has added.
 
-    A wall that moves through the grid closes and opens cells by its place, and displaces water by its velocity. Near
-    the surface the two agree to a few per cent of the displaced water. The difference is spread over the cells of
-    the surface near the solid. Where there are none, the solid is dry or submerged and nothing is done.
+    A wall that moves through the grid closes and opens cells by its place, and displaces water by its velocity: near
+    the surface the two agree to a few per cent of the displaced water. Cells inside solids are refilled, too. What this
+    adds or takes is spread over the cells of the surface near the solid. Where there are none, the solid is dry or
+    submerged and nothing is done.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Are the loads on a moving body smooth, symmetric, and those of the water that it displaces?
 
-Limits: volume 1e-5 beside bodies at rest, 0.1 % while a box plunges; noise of the lift 1 % through the grid, 0.1 % moving with it, independent of
-the step within 20 %; mirror symmetry 1e-4.
+Limits: volume 1e-5 beside bodies at rest, 0.1 % while a box plunges; noise of the lift 1 % through the grid, 0.1 %
+moving with it, independent of the step within 20 %; mirror symmetry 1e-4.
 """
 
 from __future__ import annotations
