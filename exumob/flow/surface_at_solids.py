@@ -261,12 +261,16 @@ def closed_content(fraction: Array, bodies: AreaFractions, regions: NDArray[np.i
 def _surface_weight(fraction: Array, o: AreaFractions, j: int, k: int, i: int, taking: bool) -> float:
     """Weight of a cell of the surface, 0 for others [-]: what it holds of water, or of air if it is given some."""
     c = fraction[j, k, i]
-    if taking:
-        at_surface = c > EMPTY and (c < 1.0 - EMPTY or fraction[j, k + 1, i] < 0.5)
-    else:
-        at_surface = c < 1.0 - EMPTY and (c > EMPTY or (k > HALO and fraction[j, k - 1, i] >= 0.5))
-    share = open_share(o, j, k, i) if at_surface else 0.0
-    return 0.0 if share < TAKES_PART else share * (min(c, 1.0) if taking else 1.0 - max(c, 0.0))
+    if c <= EMPTY or (c >= 1.0 - EMPTY and fraction[j, k + 1, i] >= 0.5):
+        return 0.0
+    share = open_share(o, j, k, i)
+    return 0.0 if share < TAKES_PART else share * _movable(c, taking)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _movable(c: float, taking: bool) -> float:
+    """Water that can be taken from a surface cell, or the air that it has room for: full ones have a little, too."""
+    return min(c, 1.0) if taking else max(1.0 - c, 0.01)
 
 
 @njit(cache=True, error_model="numpy")
@@ -304,10 +308,9 @@ def return_volume(
         if abs(gained[n]) <= ROUND_OFF * weights or weights == 0.0:
             continue
         part = min(abs(gained[n]) / weights, LARGEST_RETURN)
-        for m in range(k0, k1):  # a cell's weight depends on the one above it if water is taken, else on that below
-            k = m if taking else k0 + k1 - 1 - m
+        for k in range(k0, k1):  # upwards: a cell's weight depends on the one above it
             for j in range(j0, j1):
                 for i in range(i0, i1):
                     if o.nearest[j, k, i] == n and _surface_weight(fraction, o, j, k, i, taking) > 0.0:
-                        c = fraction[j, k, i]
-                        fraction[j, k, i] -= part * (min(c, 1.0) if taking else max(c, 0.0) - 1.0)
+                        change = part * _movable(fraction[j, k, i], taking)
+                        fraction[j, k, i] -= change if taking else -change
