@@ -21,8 +21,8 @@ from exumob.support.kernels import njit
 
 LEAST_SHARE = 1.0e-6
 """Open share of a cell below which it counts as closed [-]."""
-SMALL_SHARE = 0.2
-"""Open share below which the fraction of a cell follows the water beside it [-]."""
+SMALL_SHARE, LARGE_SHARE = 0.1, 0.3
+"""Open share below which the fraction of a cell follows the water beside it, and from which it is its own [-]."""
 ROUND_OFF = 1.0e-13
 """Change of the fraction below which the volume counts as right [-]."""
 LARGEST_RETURN = 0.1
@@ -125,6 +125,12 @@ def refill_solids(
 
 
 @njit(cache=True, error_model="numpy", inline="always")
+def _own_part(share: float) -> float:
+    """How much more the water that passes the wall changes the fraction of a cell than that of a full one [-]."""
+    return (1.0 / share - 1.0) * min((share - SMALL_SHARE) / (LARGE_SHARE - SMALL_SHARE), 1.0)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
 def _past_wall(
     passing: float, donor_low: float, donor_high: float, flux: float, wall: float, dt: float
 ) -> tuple[float, float]:
@@ -182,7 +188,7 @@ def fill_open_part(
                     if o.nearest[j, k, i] != n:
                         continue
                     share = open_share(o, j, k, i)
-                    if share >= 1.0 or share < SMALL_SHARE:
+                    if share >= 1.0 or share <= SMALL_SHARE:
                         continue
                     ux, uy, uz = body_velocity(  # a component does not depend on the place along its own axis
                         solids, n, metrics.xc[i] - solids.position[n, 0], metrics.yc[j] - solids.position[n, 1],
@@ -201,7 +207,7 @@ def fill_open_part(
                         passing[j + a, k + b, i + c], here, after, flux[j + a, k + b, i + c], wall, dt
                     )
                     change = low - high + (dt * (fast - slow) if begin[j, k, i] >= 0.5 else 0.0)
-                    changed[j, k, i] = (1.0 / share - 1.0) * change / width
+                    changed[j, k, i] = _own_part(share) * change / width
     for n in range(len(regions)):
         (j0, j1), (k0, k1), (i0, i1) = cells_near(regions, n, fraction.shape)
         for j in prange(j0, j1):
@@ -228,12 +234,12 @@ def settle_open_part(
                     if o.nearest[j, k, i] != n or begin[j, k, i] < 0.5:
                         continue
                     share = open_share(o, j, k, i)
-                    if share >= 1.0 or share < SMALL_SHARE:
+                    if share >= 1.0 or share <= SMALL_SHARE:
                         continue
                     rate = (fx[j, k, i + 1] - fx[j, k, i]) / metrics.dx[i]  # that of the walls is 0: they are rigid
                     rate += (fy[j + 1, k, i] - fy[j, k, i]) / metrics.dy[j]
                     rate += (fz[j, k + 1, i] - fz[j, k, i]) / metrics.dz[k]
-                    change = (1.0 / share - 1.0) * dt * rate
+                    change = _own_part(share) * dt * rate
                     fraction[j, k, i] -= change
                     given[n, j] -= change * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
 
