@@ -75,6 +75,8 @@ class Step:
     given: Array
     """Water that the step has given to the cells near each solid, and its closed part at the begin, by rows [m^3],
     from `place_solids` on; shape (n, ny)"""
+    closed: Array
+    """Volume of each solid as the cells have it at the begin, by rows [m^3], from `place_solids` on; shape (n, ny)"""
 
     @property
     def yaw(self) -> float:
@@ -134,6 +136,7 @@ class TimeStep:
         unknown = np.full(shape, free_surface.UNKNOWN)
         self._orientation = unknown, unknown.copy(), unknown.copy()
         self._label = np.zeros(shape, dtype=np.uint8)
+        self._full = np.ones(shape)
         self._scratch, self._rates = np.zeros(shape), np.zeros(shape[0])
 
     def take(self, old: FlowState, new: FlowState, dt: float, poses: Poses) -> StepResult:
@@ -169,7 +172,7 @@ class TimeStep:
         return Step(
             dt, old, new, frame, mean_grid_velocity(old.frame, frame, dt), self.far(frame[2]),
             self._cells._replace(fraction=new.fraction, wet=new.wet), self.placement.solids, np.zeros(0),
-            np.zeros((0, 0)),
+            np.zeros((0, 0)), np.zeros((0, 0)),
         )  # fmt: skip
 
     # -- the phases -----------------------------------------------------------------------------------------------
@@ -191,6 +194,7 @@ class TimeStep:
         new, bed = step.new, self.placement.bed
         bodies, before = self.placement.bodies, self.placement.solids.regions
         content = surface_at_solids.closed_content(step.old.fraction, bodies, before, self.metrics)
+        step.closed = surface_at_solids.closed_content(self._full, bodies, before, self.metrics)
         self.place(poses, step.frame, step.old.steps)
         step.solids = solids = self.placement.solids
         o = self.placement.area_fractions
@@ -285,9 +289,15 @@ class TimeStep:
     def _return_volume(self, step: Step) -> None:
         """Even out what the motion of the solids has added to the water; nothing while they rest in the grid."""
         fraction, bodies, regions = step.new.fraction, self.placement.bodies, step.solids.regions
-        if len(regions):
-            left = surface_at_solids.closed_content(fraction, bodies, regions, self.metrics)
-            surface_at_solids.return_volume(fraction, (step.given - left).sum(axis=1), bodies, regions, self.metrics)
+        if not len(regions):
+            return
+        left = surface_at_solids.closed_content(fraction, bodies, regions, self.metrics).sum(axis=1)
+        closed = surface_at_solids.closed_content(self._full, bodies, regions, self.metrics).sum(axis=1)
+        submerged = left / np.maximum(closed, 1e-300)
+        apparent = submerged * (closed - step.closed.sum(axis=1))  # a body's volume depends on its place in the cells
+        surface_at_solids.return_volume(
+            fraction, step.given.sum(axis=1) - left + apparent, bodies, regions, self.metrics
+        )  # fmt: skip
 
     def loads(self, step: Step, slip_momentum: Array) -> Loads:
         """Loads on the solids in their own axes."""
