@@ -287,7 +287,9 @@ def _check_choices(
     elif water.depth is not None or water.depth_ratio is not None:
         uneven = [name for name in ("--slope", "--terrain") if grounds[name]]
         if uneven:
-            raise ValueError(f"{water.ways[0]} goes with level ground, and {uneven[0]} is none; give --level.")
+            raise ValueError(
+                f"{water.ways[0]} goes with level ground, and with {uneven[0]} it is not level; give --level."
+            )
 
 
 def _maneuver(
@@ -333,7 +335,10 @@ def _soil(name: str, values: list[str]) -> Soil:
             raise ValueError(f"--soil-value {text!r:.60} holds no number; give {key}=VALUE.") from None
         if key == "friction_angle":
             changed[key] = math.radians(changed[key])
-    return replace(soil, **changed, name=f"{soil.name}, changed") if changed else soil  # type: ignore[arg-type]
+    try:
+        return replace(soil, **changed, name=f"{soil.name}, changed") if changed else soil  # type: ignore[arg-type]
+    except ValueError as error:
+        raise ValueError(str(error).replace("Soil.", "--soil-value ")) from None
 
 
 def _ground(

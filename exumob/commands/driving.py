@@ -283,10 +283,9 @@ def refuse_flow_over_terrain(water: Water, terrain: Terrain | None, start: Start
     from exumob.coupling.flow_in_loop import CfdHydrodynamics
     from exumob.ground.terrain import Terrain
     from exumob.simulation.checks import check_water_model
-    from exumob.vehicle.start_pose import StartPose
 
     with option_names():
-        check_water_model(CfdHydrodynamics(), water, terrain or Terrain(), start or StartPose())
+        check_water_model(CfdHydrodynamics(), water, terrain or Terrain())
 
 
 def _flow_in_loop(flow: FlowOptions, water: Water, progress: Callable[[float], None]) -> tuple[CfdHydrodynamics, float]:

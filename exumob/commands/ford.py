@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -39,6 +40,8 @@ from exumob.simulation.settings import SOIL
 from exumob.support.quantities import DEPTH, DURATION, INITIAL_SPEED
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from exumob.mobility.ford import Ford
 
 
@@ -117,11 +120,13 @@ def ford_command(  # one argument an option of the command line
     steps = {"setting": setting.value, "micro_step": micro_step, "macro_step": macro_step}
     for name, text in ford.lines().items():
         console.print(f"{name:<12} {text}", soft_wrap=True)
-    with simulated_time_bar(ford.time, "settling", "driving") as advance, option_names():
-        result, code = whatever_was_computed(
-            lambda: ford.drive(model, advance, **steps),
-            output,
-        )
+
+    def run(advance: Callable[[float], None]) -> xr.Dataset:
+        with option_names():  # inside: whatever_was_computed says errors at once
+            return ford.drive(model, advance, **steps)
+
+    with simulated_time_bar(ford.time, "settling", "driving") as advance:
+        result, code = whatever_was_computed(lambda: run(advance), output)
     try:
         report = ford_report(result, ford)
     except ValueError as error:

@@ -201,6 +201,7 @@ OPTION_NAMES = {
     "StartPose.y": "--start-y",
     "PathFollowing.waypoints": "--path",
     "Water.level": "--level",
+    "CrossSection.read: file": "file",
     "CrossSection.water.level": "--level",
     "Ford.level": "--level",
     "level =": "--level =",

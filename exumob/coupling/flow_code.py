@@ -7,8 +7,8 @@ coupling, checkpoints). A code in another process or on another machine is reach
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import Annotated, Any, Protocol
+from dataclasses import asdict, replace
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import xarray as xr
 
@@ -21,7 +21,10 @@ from exumob.flow.resolution import checked_solids
 from exumob.flow.settings import FlowSettings
 from exumob.flow.solids import Solid
 from exumob.flow.solver import FlowSolver
-from exumob.flow.vehicle_window import vehicle_window
+from exumob.flow.step import OverTerrain
+from exumob.flow.undisturbed import require_one_level
+from exumob.flow.vehicle_window import vehicle_window, window_over_terrain
+from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
 from exumob.support.quantities import Quantity
@@ -32,6 +35,22 @@ CELL_SIZE = 0.0115
 """Default cell size round the vehicle [m]: two cells in the gap between the hull and a front wheel at full lock."""
 
 
+def is_plain(water: Water, terrain: Terrain) -> bool:
+    """Tell whether water and ground are one depth and one current over level ground at z = 0."""
+    return (
+        water.field is None and terrain.is_flat and terrain.height == 0.0 and (water.level is None or water.level > 0)
+    )
+
+
+def flow_water(water: Water, terrain: Terrain | None) -> Water:
+    """Return the water as the flow solver takes it: a depth over level ground elsewhere than at z = 0 is a level."""
+    terrain = Terrain() if terrain is None else terrain
+    if is_plain(water, terrain):
+        return water if water.level is None else replace(water, depth=water.level, level=None)
+    return water if water.depth is None else replace(water, depth=None, level=terrain.height + water.depth)
+
+
+@runtime_checkable
 class FlowCode(Protocol):
     """A flow code as the coupling sees it: the motion of n bodies in, n wrenches out (the vehicle: n = 5).
 
@@ -120,6 +139,26 @@ class FlowCode(Protocol):
         """
 
 
+@runtime_checkable
+class BedFlowCode(FlowCode, Protocol):
+    """A flow code that knows water over uneven ground, and a current that differs from place to place."""
+
+    def set_bed(self, terrain: Terrain, place: tuple[float, float], reach: float) -> None:
+        """Take the ground of the run to come; before the first call it is level at z = 0.
+
+        Called before the first `start`. Level and current at each place are told by
+        `exumob.water.conditions.Water.at` with this ground.
+
+        Parameters
+        ----------
+        terrain : Terrain
+        place : (float, float)
+            Where the vehicle starts, world x and y [m].
+        reach : float
+            How far it can come from there [m], about.
+        """
+
+
 class BuiltInFlow:
     """The built-in flow solver (`exumob.flow.FlowSolver`) round a vehicle.
 
@@ -160,8 +199,13 @@ class BuiltInFlow:
         self.snapshots: list[Snapshot] = []
         self.steering_range: tuple[float, float] | None = None
         """Smallest and largest angle of a front wheel during the run [rad]; None: up to the vehicle's limit"""
-        self._checked_for: tuple[Vehicle, Water, tuple[float, float]] | None = None
-        self._solver_of: tuple[Vehicle, Water, tuple[float, float]] | None = None
+        self._ground: tuple[Terrain, tuple[float, float], float] | None = None
+        self._checked_for: tuple[Any, ...] | None = None
+        self._solver_of: tuple[Any, ...] | None = None
+
+    def set_bed(self, terrain: Terrain, place: tuple[float, float], reach: float) -> None:
+        """See `BedFlowCode`."""
+        self._ground = terrain, place, reach
 
     def start(self, vehicle: Vehicle, water: Water, poses: Poses, time: float) -> None:
         """Build grid and solids, unless they are those of the last start, and fill the window. See `FlowCode`.
@@ -171,9 +215,9 @@ class BuiltInFlow:
         ValueError
             If the cells cannot resolve a gap or a wheel at any angle that the front wheels take during the run.
         """
-        grid, solids = self._checked_solids(vehicle, water)
+        grid, solids, bed = self._checked_solids(vehicle, water)
         if self._solver_of != self._checked_for:
-            self.solver = FlowSolver(grid, solids, water, self.settings)
+            self.solver = FlowSolver(grid, solids, flow_water(water, bed.terrain), self.settings, *bed)
             self._solver_of = self._checked_for
         self.solver.start(poses, time)
         self.snapshots = []
@@ -186,25 +230,38 @@ class BuiltInFlow:
         ValueError
             If there is no memory for it, or as `start`.
         """
-        grid, _ = self._checked_solids(vehicle, water)
+        grid, *_ = self._checked_solids(vehicle, water)
         settings = self.settings
         return flow_cost(
             grid.n_cells, grid.smallest_width, speed, duration, interval, settings.courant, settings.threads
         )
 
-    def _checked_solids(self, vehicle: Vehicle, water: Water) -> tuple[Grid, tuple[Solid, ...]]:
-        """Return grid and solids after all checks, made anew if vehicle, water or angles have changed."""
+    def _checked_solids(self, vehicle: Vehicle, water: Water) -> tuple[Grid, tuple[Solid, ...], OverTerrain]:
+        """Return grid, solids and bed after all checks, made anew if vehicle, water, ground or angles have changed."""
         angles = self.steering_range
         if angles is None:
             limit = vehicle.steering.limit
             largest = [m[0] for command in (-limit, limit) for m in vehicle.steering_angles((command, 0.0, 0.0))]
             angles = min(largest), max(largest)
-        if self._checked_for != (vehicle, water, angles):
-            grid = vehicle_window(vehicle, self.cell_size, water) if self.grid is None else self.grid
+        if self._checked_for != (vehicle, water, angles, self._ground):
+            grid, bed = self._window(vehicle, water)
             require_room("BuiltInFlow.grid", grid)
-            self._built = grid, checked_solids(vehicle, grid, angles, self.allow_coarse)
-            self._checked_for = vehicle, water, angles
+            self._built = grid, checked_solids(vehicle, grid, angles, self.allow_coarse), bed
+            self._checked_for = vehicle, water, angles, self._ground
         return self._built
+
+    def _window(self, vehicle: Vehicle, water: Water) -> tuple[Grid, OverTerrain]:
+        """Grid and bed."""
+        terrain, place, reach = self._ground or (Terrain(), (0.0, 0.0), 0.0)
+        if is_plain(water, terrain):
+            water = flow_water(water, terrain)
+            return vehicle_window(vehicle, self.cell_size, water) if self.grid is None else self.grid, OverTerrain()
+        require_one_level(water, terrain)
+        water = flow_water(water, terrain)
+        if self.grid is not None:
+            return self.grid, OverTerrain(terrain, may_be_dry=True)
+        grid, deepest = window_over_terrain(vehicle, self.cell_size, water, terrain, place, reach)
+        return grid, OverTerrain(terrain, deepest, True)
 
     def advance(self, time: float, poses: Poses) -> Array:
         """See `FlowCode`."""
@@ -215,7 +272,7 @@ class BuiltInFlow:
 
     def save(self) -> dict[str, Any]:
         """See `FlowCode`."""
-        return {"solver": self.solver.save(), "snapshots": [dict(vars(s)) for s in self.snapshots]}
+        return {"solver": self.solver.save(), "snapshots": [s.state() for s in self.snapshots]}
 
     def restore(self, saved: dict[str, Any]) -> None:
         """See `FlowCode`."""

@@ -16,16 +16,19 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from exumob.coupling.flow_code import CELL_SIZE, BuiltInFlow, FlowCode
+from exumob.coupling.flow_code import CELL_SIZE, BedFlowCode, BuiltInFlow, FlowCode, is_plain
 from exumob.coupling.reports import checked_loads, checked_report
 from exumob.coupling.spin_up import FlowSpinUp, poses_between, poses_during_ramp
 from exumob.flow.cost import FlowCost
 from exumob.flow.poses import Poses
+from exumob.ground.terrain import Terrain
+from exumob.multibody.placing import standing_pose
 from exumob.support.arrays import Array
 from exumob.support.checks import require_positive
 from exumob.support.declared import checked
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
+from exumob.vehicle.start_pose import StartPose
 from exumob.water.conditions import Water
 from exumob.water.hydrostatics import still_water_wrenches
 from exumob.water.wetted_surface import body_surfaces
@@ -83,11 +86,49 @@ class CfdHydrodynamics:
         self._spin_up_wrenches: list[Array] = []
         self._forget()
 
+        self._terrain, self._start = Terrain(), StartPose()
+
     def _forget(self) -> None:
         self._times: list[float] = []
         self._reports: list[dict[str, float]] = []
 
     # -- before the run ---------------------------------------------------------------------------------------------
+
+    def set_bed(self, terrain: Terrain) -> None:
+        """Take the ground of the runs to come; see `exumob.water.hydrodynamics.BedHydrodynamics`."""
+        self._terrain = terrain
+
+    def expect_drive(self, water: Water | None, start: StartPose, reach: float) -> None:
+        """Take where the vehicle starts and how far it can come from there [m]; `simulate` says both.
+
+        Raises
+        ------
+        ValueError
+            If the flow code knows water of one depth over level ground at z = 0 only, and this is none; if the water
+            does not go with the ground.
+        """
+        self._start, terrain = start, self._terrain
+        if isinstance(self.flow, BedFlowCode):
+            if water is not None:
+                water.require_over(terrain, "simulate.water: Water.depth")
+            self.flow.set_bed(terrain, (start.x, start.y), reach)
+            return
+        name = f"the flow in the loop ({type(self.flow).__name__})"
+        remedy = (
+            "give the flow code a function set_bed (exumob.coupling.flow_code.BedFlowCode), take the built-in solver, "
+            "or hydrodynamics='coefficients'"
+        )
+        if water is not None and water.depth is None:
+            raise ValueError(
+                f"simulate.water: {name} knows water of one depth and one current only, Water(depth=...); {remedy}."
+            )
+        if not (terrain.is_flat and terrain.height == 0.0):
+            raise ValueError(f"simulate.terrain: {name} knows water over level ground at z = 0 only; {remedy}.")
+        if start != StartPose():
+            raise ValueError(
+                f"simulate.start: with {name} a run starts at the world's origin, heading along world x; turn the "
+                f"current instead (Water.current_direction); or {remedy}."
+            )
 
     def expect_steering(self, smallest: float, largest: float) -> None:
         """Take the smallest and the largest angle of a front wheel during the run [rad]; `simulate` says them.
@@ -121,7 +162,7 @@ class CfdHydrodynamics:
         if not isinstance(self.flow, BuiltInFlow):
             return None
         plan = self.spin_up
-        held = self.flow.cost(vehicle, water, water.current_speed, plan.duration(water), plan.interval)
+        held = self.flow.cost(vehicle, water, water.greatest_speed, plan.duration(water), plan.interval)
         run = self.flow.cost(vehicle, water, speed, duration, macro_step)
         return replace(run, steps=held.steps + advances * run.steps, seconds=held.seconds + advances * run.seconds)
 
@@ -136,18 +177,22 @@ class CfdHydrodynamics:
         plan = self.spin_up
         self._spin_up_times, self._spin_up_wrenches = [], []
         self._keep, self._last_save = keep, -math.inf
-        self.flow.start(vehicle, water, _poses_at_ride_height(vehicle), 0.0)  # refuses what it cannot run
+        self.flow.start(vehicle, water, self._poses_at_ride_height(vehicle), 0.0)  # refuses what it cannot run
         surfaces = body_surfaces(vehicle)
+        plain = is_plain(water, self._terrain)
 
         def still(states: BodyStates) -> Array:
-            return still_water_wrenches(surfaces, states, water)
+            return still_water_wrenches(surfaces, states, water, self._terrain)
+
+        def poses_before(elapsed: float) -> Poses:
+            return poses_during_ramp(first_rest, water, elapsed, ramp) if plain else first_rest
 
         # held where still water lets it settle
         held = settle(still)
         first_rest = _poses_at_rest(held)
         ramp = plan.ramp_in(water)
         begin = -(ramp + plan.hold + plan.adjustment)
-        self.flow.start(vehicle, water, poses_during_ramp(first_rest, water, 0.0, ramp), begin)
+        self.flow.start(vehicle, water, poses_before(0.0), begin)
         if begun is not None:
             self.flow.restore(begun["flow"])
             self._spin_up_times = [float(t) for t in begun["times"]]
@@ -156,7 +201,7 @@ class CfdHydrodynamics:
         steps = round((ramp + plan.hold) / plan.interval)
         for n in range(1 + done, steps + 1):
             elapsed = n * (ramp + plan.hold) / steps
-            self._advance_held(begin + elapsed, poses_during_ramp(first_rest, water, elapsed, ramp))
+            self._advance_held(begin + elapsed, poses_before(elapsed))
         times = np.array(self._spin_up_times[:steps])
         late = times > -plan.adjustment - 0.5 * plan.hold
         mean = np.array(self._spin_up_wrenches[:steps])[late].mean(axis=0)
@@ -171,6 +216,12 @@ class CfdHydrodynamics:
             time = 0.0 if n == steps else -plan.adjustment * (1.0 - part)
             self._advance_held(time, poses_between(first_rest, final_rest, 2.0 * part, 0.5 * plan.adjustment))
         self._spun_up = True
+
+    def _poses_at_ride_height(self, vehicle: Vehicle) -> Poses:
+        """Poses of the bodies as they lie on the ground at the start, in the design position, at rest."""
+        place, turn = standing_pose(vehicle, self._terrain, self._start)
+        offsets = np.vstack([vehicle.hull_origin, vehicle.wheel_centers])
+        return Poses.at_rest(place + offsets @ turn.T, np.tile(turn, (len(offsets), 1, 1)))
 
     def _advance_held(self, time: float, poses: Poses) -> None:
         """Advance the flow with the held vehicle to a time [s], and save its state if that is due."""
@@ -285,11 +336,6 @@ def _required(water: Water | None) -> Water:
     if water is None:
         raise ValueError("CfdHydrodynamics: there is no water; give simulate a Water, or use NoWater on dry ground.")
     return water
-
-
-def _poses_at_ride_height(vehicle: Vehicle) -> Poses:
-    """Poses of the bodies in the design position, at rest."""
-    return Poses.at_rest(np.vstack([vehicle.hull_origin, vehicle.wheel_centers]))
 
 
 def _poses_at_rest(states: BodyStates) -> Poses:

@@ -23,7 +23,9 @@ class FlowSpinUp(Declared):
     That is a current ramped up about a held vehicle, seen from the undisturbed water: the two differ by a uniform
     acceleration of everything, which a uniform pressure gradient balances and which ends with the ramp (the bed slips;
     one that exerts shear sees the vehicle held in a current that was always there). Nothing is added to the flow solver
-    for it, and a uniform current past a moving grid is kept to round-off. Then the vehicle settles anew under the mean
+    for it, and a uniform current past a moving grid is kept to round-off. Over uneven ground, or in a current that
+    differs from place to place, there is nowhere to drift: the vehicle is held in its place from the beginning, and the
+    flow develops from the undisturbed one during ramp and hold. Then the vehicle settles anew under the mean
     wrenches found during `hold`, and is moved to its new place of rest during `adjustment`.
     """
 
@@ -45,7 +47,7 @@ class FlowSpinUp(Declared):
 
     def ramp_in(self, water: Water) -> float:
         """Return the duration of the ramp in this water [s]: 0 without a current."""
-        return self.ramp if water.current_speed > 0.0 else 0.0
+        return self.ramp if water.greatest_speed > 0.0 else 0.0
 
     def duration(self, water: Water) -> float:
         """Return the time from the begin of the spin-up to the release in this water [s]."""

@@ -50,6 +50,9 @@ def read_recorded(file: str | Path) -> Recorded:
 def _columns(path: Path, units: dict[str, dict[str, float]]) -> dict[str, Array]:
     """Columns by name, in the base unit; each needs its unit in brackets, one of those in `units`."""
     wanted = ", ".join(f"{name} [{' or '.join(known)}]" for name, known in units.items())
+    if not path.is_file():
+        missing_file = "is a folder" if path.is_dir() else "does not exist"
+        raise ValueError(f"{path} {missing_file}; give a table (CSV) with the columns {wanted}.")
     found: dict[str, Array] = {}
     for title, values in read_table(path).items():
         split = re.fullmatch(r"\s*([^\[]*?)\s*\[\s*([^\]]*?)\s*\]\s*", title)

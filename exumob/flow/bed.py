@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from exumob.flow import water_on_bed
 from exumob.flow.active_rows import WaterCells
 from exumob.flow.area_fractions import FAR, AreaFractions
+from exumob.flow.far_field import FarField
 from exumob.flow.grid import HALO, Grid, Metrics
+from exumob.flow.undisturbed import FarVelocity, UndisturbedWater
 from exumob.flow.water_on_bed import RoughBed
 from exumob.ground.terrain import Terrain, terrain_height
 from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 from exumob.support.kernels import njit
-from exumob.water.conditions import Water
 
 logger = logging.getLogger(__name__)
 
@@ -30,10 +32,10 @@ SHUT = 1.0e-6
 """Area fraction below which the bed closes a face [-]."""
 STEEP = 1.0e-3
 """Rise of the bed over a face, in cell heights, below which it counts as level [-]."""
-CONTOUR = 1.0e-3
-"""Largest slope along a current that counts as none [-]."""
 UNEVEN = 0.1
-"""Largest range of the depth along the far sides over its mean that a current may cross [-]."""
+"""Largest difference of what the current carries into the window and out of it, over the larger of the two [-]."""
+MOST_RISE = 0.05
+"""Error of the level in the far field, over the mean depth there, that is bearable [-]."""
 ABOVE = 4
 """Cells above the highest bed whose distance from it is kept up."""
 
@@ -59,6 +61,8 @@ class Bed:
     grid : Grid
     number : int
         Number of the bed in `AreaFractions.nearest`: one more than those of the solids.
+    deepest : float, optional
+        Where the terrain lies below this height, the bed lies at it [m].
 
     Attributes
     ----------
@@ -68,8 +72,9 @@ class Bed:
         Index box of all that the bed closes.
     """
 
-    def __init__(self, terrain: Terrain, grid: Grid, number: int) -> None:
+    def __init__(self, terrain: Terrain, grid: Grid, number: int, deepest: float | None = None) -> None:
         self.grid, self.number = grid, number
+        self.deepest = -math.inf if deepest is None else deepest
         self.terrain, self._terrain = terrain, terrain.as_arrays()
         ny, nz, nx = grid.padded_shape
         self._shape = BedShape(np.zeros((ny + 1, nx + 1)), *(np.zeros((ny, nx)) for _ in range(3)))
@@ -90,7 +95,7 @@ class Bed:
             return False
         require_bed(self.terrain, self.grid, frame[None])
         m, h = self.grid.metrics, HALO
-        take_heights(*self._terrain, frame, m, self._shape)
+        take_heights(*self._terrain, frame, self.deepest, m, self._shape)
         inner = self._shape.corners[h:-h, h:-h]
         lowest, bottom = float(inner.min()), float(self.grid.z_faces[0])
         if lowest < bottom - 1e-9:
@@ -126,49 +131,79 @@ class Bed:
         """The bed with an equivalent sand roughness [m], for `exumob.flow.water_on_bed.shear`."""
         return RoughBed(self.heights, self.top, roughness)
 
-    def check_water(self, water: Water, far: Array, zone: NDArray[np.bool_], start: bool) -> None:
-        """Refuse at the start what cannot be undisturbed: no water at all, or a current across an uneven bed.
+    def check_water(
+        self, water: UndisturbedWater, far: FarVelocity, sides: FarField, start: bool, may_be_dry: bool
+    ) -> None:  # fmt: skip
+        """Refuse at the start what cannot be undisturbed: no water at all, or a current that is no flow over the bed.
 
-        A uniform current is a flow over a bed only if it runs along the depth contours. Elsewhere the far field asks
-        for as much speed in deep water as in shallow, and its level makes up for the difference of the discharges:
-        bearable over bumps of a few per cent of the depth, not on a slope.
+        The far field draws the water to the given current at the still level. Where that brings more than it takes
+        away, the level must make up for it: of a column, by the surplus over the rate at which waves carry it out of
+        the absorbing zone; of the whole window, by a flow of its own. A uniform current across the contours of a slope
+        is such a flow; one along them is none, and bumps of a few per cent of the depth are bearable.
 
         Parameters
         ----------
-        water : Water
-        far : array, shape (3,)
-            Current in grid axes [m/s].
-        zone : array of bool, shape (ny, nx)
-            Columns in the far field.
+        water : UndisturbedWater
+        far : FarVelocity
+            Its current.
+        sides : FarField
         start : bool
             False: log a warning, once, instead of raising.
+        may_be_dry : bool
+            The window may begin on dry land.
         """
         h = HALO
-        if start and self.heights[h:-h, h:-h].min() >= water.uniform_depth:
+        lowest = float(self.heights[h:-h, h:-h].min())
+        if start and not may_be_dry and lowest >= water.level:
             raise ValueError(
-                f"terrain: no bed in the window lies below the still level, Water.depth = {water.uniform_depth:g} m "
-                f"above z = 0 (the lowest is at {self.heights[h:-h, h:-h].min():.4g} m); raise the level or lower the "
-                "bed."
+                f"terrain: no bed in the window lies below the still level at z = {water.level:g} m (the lowest is at "
+                f"{lowest:.4g} m); raise the level (Water.depth, from z = 0, or Water.level) or lower the bed."
             )
-        speed = math.hypot(far[0], far[1])
-        if speed == 0.0 or not zone.any():
+        zone = sides.zone
+        if (self._warned and not start) or far.greatest == 0.0 or not zone.any():
             return
-        uphill = np.abs(far[0] * self._shape.slope_x[zone] + far[1] * self._shape.slope_y[zone]).max() / speed
-        depths = np.maximum(water.uniform_depth - self.heights[zone], 0.0)
-        uneven = (depths.max() - depths.min()) / max(float(depths.mean()), 1e-9)
-        if uphill <= CONTOUR or uneven <= UNEVEN:
+        depths = np.maximum(water.level - self.heights, 0.0)
+        surplus = np.abs(self._surplus(far, depths))[zone]
+        mean = float(depths[zone].mean())
+        if mean == 0.0:
+            return
+        rise = float(surplus.max()) * sides.settings.absorbing_width / math.sqrt(GRAVITY * mean)
+        brought, taken = self._through_the_sides(far, depths)
+        apart = abs(brought - taken) / max(brought, taken, 1e-300)
+        if rise <= MOST_RISE * mean and apart <= UNEVEN:
             return
         message = (
-            f"terrain: the current crosses depths of {depths.min():.3g} to {depths.max():.3g} m at the far sides, and "
-            f"a uniform current needs an even bed there (within {100 * UNEVEN:.0f} % of the depth) or one that is "
-            "level along it; level the terrain towards the window's sides, turn the current along the contours, or "
-            "take still water and move the vehicle."
+            f"terrain: the current crosses depths of {depths[zone].min():.3g} to {depths[zone].max():.3g} m at the far "
+            f"sides and is not faster where it is shallower: it brings {brought:.3g} m^3/s and takes {taken:.3g} m^3/s "
+            f"({100.0 * UNEVEN:.0f} % of difference are bearable), and its level would be off by "
+            f"{100.0 * rise / mean:.2g} % of the depth (bearable: {100.0 * MOST_RISE:.0f} %). Level the terrain "
+            "towards the window's sides, turn the current along the contours, give water that flows over this bed "
+            "(CrossSection.water, Water.field), or take still water and move the vehicle."
         )
         if start:
             raise ValueError(message)
-        if not self._warned:
-            logger.warning("%s", message)
-            self._warned = True
+        logger.warning("%s", message)
+        self._warned = True
+
+    def _through_the_sides(self, far: FarVelocity, depths: Array) -> tuple[float, float]:
+        """What the undisturbed current brings through the window's sides, and what it takes [m^3/s]."""
+        m, h = self.grid.metrics, HALO
+        rows, columns = slice(h, -h), slice(h, -h)
+        flows = np.concatenate([
+            far.x[rows, h] * depths[rows, h] * m.dy[rows], -far.x[rows, -h] * depths[rows, -h - 1] * m.dy[rows],
+            far.y[h, columns] * depths[h, columns] * m.dx[columns],
+            -far.y[-h, columns] * depths[-h - 1, columns] * m.dx[columns],
+        ])  # fmt: skip
+        return float(flows[flows > 0.0].sum()), float(-flows[flows < 0.0].sum())
+
+    def _surplus(self, far: FarVelocity, depths: Array) -> Array:
+        """What the undisturbed current brings to the columns [m/s], shape (ny, nx); 0 in the outermost."""
+        m, found = self.grid.metrics, np.zeros_like(depths)
+        along_x = far.x[:, 1:] * 0.5 * (depths[:, 1:] + depths[:, :-1])
+        along_y = far.y[1:] * 0.5 * (depths[1:] + depths[:-1])
+        found[1:-1, 1:-1] = (along_x[1:-1, :-1] - along_x[1:-1, 1:]) / m.dx[1:-1]
+        found[1:-1, 1:-1] += (along_y[:-1, 1:-1] - along_y[1:, 1:-1]) / m.dy[1:-1, None]
+        return found
 
 
 def require_bed(terrain: Terrain, grid: Grid, frames: Array) -> None:
@@ -228,7 +263,9 @@ def _lowest(terrain: np.ndarray, field: Array, frames: Array, x: Array, y: Array
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def take_heights(terrain: np.ndarray, field: Array, frame: Array, metrics: Metrics, shape: BedShape) -> None:
+def take_heights(
+    terrain: np.ndarray, field: Array, frame: Array, deepest: float, metrics: Metrics, shape: BedShape
+) -> None:  # fmt: skip
     """Take the heights of the bed at the columns' corners, and from these their means and slopes.
 
     Parameters
@@ -237,6 +274,8 @@ def take_heights(terrain: np.ndarray, field: Array, frame: Array, metrics: Metri
         `Terrain.as_arrays`.
     frame : array, shape (3,)
         Grid origin x, y [m] and yaw [rad] in the world.
+    deepest : float
+        Least height of the bed [m].
     metrics : Metrics
     shape : BedShape
         Its arrays are changed.
@@ -249,7 +288,8 @@ def take_heights(terrain: np.ndarray, field: Array, frame: Array, metrics: Metri
         y = metrics.yf[j]
         for i in range(nx + 1):
             x = metrics.xf[i]
-            corners[j, i], _, _ = terrain_height(terrain[0], field, frame[0] + c * x - s * y, frame[1] + s * x + c * y)
+            z, _, _ = terrain_height(terrain[0], field, frame[0] + c * x - s * y, frame[1] + s * x + c * y)
+            corners[j, i] = max(z, deepest)
     for j in prange(ny):
         for i in range(nx):
             a, b, d, e = corners[j, i], corners[j, i + 1], corners[j + 1, i], corners[j + 1, i + 1]

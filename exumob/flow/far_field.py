@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from exumob.flow.active_rows import ActiveRows
 from exumob.flow.grid import HALO, Grid, GridVelocity, Metrics
 from exumob.flow.settings import FlowSettings
+from exumob.flow.undisturbed import FarVelocity
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.support.kernels import njit
@@ -54,8 +55,8 @@ class FlowAlongY(NamedTuple):
     """[-]"""
     open_faces: Array
     """Area fractions of the low y faces [-]"""
-    far: float
-    """Undisturbed velocity along y [m/s]"""
+    far: Array
+    """Undisturbed velocity along y, on the low y faces of the columns [m/s], shape (ny, nx)"""
 
 
 class Rates(NamedTuple):
@@ -135,7 +136,7 @@ class FarField:
         self.sides = Sides(settings.far_x, settings.far_y, settings.closed_top)
         self.basin = Basin(level, bed_heights)
         self.still = level_fractions(self.metrics, level)
-        self._celerity = math.sqrt(GRAVITY * max(level - float(grid.z_faces[0]), level))
+        self._celerity = math.sqrt(GRAVITY * max(level - float(grid.z_faces[0]), grid.smallest_width))
         self._added = np.zeros(grid.padded_shape[0])
         self.set_flow(np.zeros(2))
 
@@ -162,11 +163,13 @@ class FarField:
         """Set the halo of the fraction [-]."""
         fill_fraction(fraction, self.still, self.sides)
 
-    def fill_velocity(self, velocity: tuple[Array, Array, Array], far: Array) -> None:
-        """Set the velocity on the sides and in the halo; `far`: undisturbed [m/s], shape (3,)."""
+    def fill_velocity(self, velocity: tuple[Array, Array, Array], far: FarVelocity) -> None:
+        """Set the velocity on the sides and in the halo; `far`: undisturbed."""
         fill_velocity(velocity, far, self.sides)
 
-    def relax_velocity(self, velocity: tuple[Array, Array, Array], far: Array, dt: float, rows: ActiveRows) -> None:
+    def relax_velocity(
+        self, velocity: tuple[Array, Array, Array], far: FarVelocity, dt: float, rows: ActiveRows
+    ) -> None:  # fmt: skip
         """Draw the velocity in the zones towards the undisturbed flow [m/s]."""
         if self.is_there:
             relax_velocity(velocity[0], velocity[1], far, self.rates, dt, rows)
@@ -223,22 +226,23 @@ def fill_fraction(fraction: Array, still: Array, sides: Sides) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def fill_velocity(velocity: tuple[Array, Array, Array], far: Array, sides: Sides) -> None:
+def fill_velocity(velocity: tuple[Array, Array, Array], far: FarVelocity, sides: Sides) -> None:
     """Set the velocity on the window's sides and in the halo.
 
-    Far sides carry the undisturbed flow `far` (grid axes [m/s], shape (3,)); walls, the bed and a closed top let
+    Far sides carry the undisturbed flow `far`; walls, the bed and a closed top let
     nothing through and slip freely; an open top repeats the layer below.
     """
     (u, v, w), (far_x, far_y, closed_top) = velocity, sides
+    along_x, along_y = far
     ny, nz, nx = u.shape
     for j in range(ny):
         for k in range(nz):
             if far_x:
                 for n in range(HALO):
-                    u[j, k, n], v[j, k, n], w[j, k, n] = far[0], far[1], far[2]
+                    u[j, k, n], v[j, k, n], w[j, k, n] = along_x[j, n], along_y[j, n], 0.0
                     m = nx - HALO + n
-                    u[j, k, m], v[j, k, m], w[j, k, m] = far[0], far[1], far[2]
-                u[j, k, HALO] = far[0]
+                    u[j, k, m], v[j, k, m], w[j, k, m] = along_x[j, m], along_y[j, m], 0.0
+                u[j, k, HALO] = along_x[j, HALO]
             else:
                 u[j, k, HALO], u[j, k, nx - HALO] = 0.0, 0.0
                 u[j, k, 1], u[j, k, 0] = -u[j, k, HALO + 1], -u[j, k, HALO + 2]
@@ -252,10 +256,10 @@ def fill_velocity(velocity: tuple[Array, Array, Array], far: Array, sides: Sides
         for i in range(nx):
             if far_y:
                 for n in range(HALO):
-                    u[n, k, i], v[n, k, i], w[n, k, i] = far[0], far[1], far[2]
+                    u[n, k, i], v[n, k, i], w[n, k, i] = along_x[n, i], along_y[n, i], 0.0
                     m = ny - HALO + n
-                    u[m, k, i], v[m, k, i], w[m, k, i] = far[0], far[1], far[2]
-                v[HALO, k, i] = far[1]
+                    u[m, k, i], v[m, k, i], w[m, k, i] = along_x[m, i], along_y[m, i], 0.0
+                v[HALO, k, i] = along_y[HALO, i]
             else:
                 v[HALO, k, i], v[ny - HALO, k, i] = 0.0, 0.0
                 v[1, k, i], v[0, k, i] = -v[HALO + 1, k, i], -v[HALO + 2, k, i]
@@ -281,17 +285,19 @@ def fill_velocity(velocity: tuple[Array, Array, Array], far: Array, sides: Sides
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def relax_velocity(u: Array, v: Array, far: Array, rates: Rates, dt: float, rows: ActiveRows) -> None:
+def relax_velocity(u: Array, v: Array, far: FarVelocity, rates: Rates, dt: float, rows: ActiveRows) -> None:
     """Draw the horizontal velocity towards the undisturbed flow, implicitly; the vertical one follows the pressure."""
     ny, nz, nx = u.shape
     lo, hi = rows
+    far_u, far_v = far
     x, y, x_faces, y_faces, along_x, along_y = rates
     for j in prange(HALO, ny - HALO + 1):
         for k in range(HALO, nz - HALO):
             for i in range(max(lo[j, k], HALO), min(hi[j, k], nx - HALO + 1)):
                 if max(x[i], y[j], x_faces[i], y_faces[j]) > 0.0:
-                    u[j, k, i] = far[0] + (u[j, k, i] - far[0]) / (1.0 + dt * (x_faces[i] + along_y * y[j]))
-                    v[j, k, i] = far[1] + (v[j, k, i] - far[1]) / (1.0 + dt * (y_faces[j] + along_x * x[i]))
+                    a, b = far_u[j, i], far_v[j, i]
+                    u[j, k, i] = a + (u[j, k, i] - a) / (1.0 + dt * (x_faces[i] + along_y * y[j]))
+                    v[j, k, i] = b + (v[j, k, i] - b) / (1.0 + dt * (y_faces[j] + along_x * x[i]))
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -314,8 +320,8 @@ def gather_rise(
 ) -> None:
     """Add what flow along y brings to the columns of the zones in one step: disturbances alone.
 
-    A uniform current brings nothing, though over a sloping bed it flows in along one axis and out along the other; it
-    carries the disturbed level along.
+    The undisturbed current brings nothing, though over a sloping bed it flows in along one axis and out along the
+    other; it carries the disturbed level along.
 
     Parameters
     ----------
@@ -340,13 +346,13 @@ def gather_rise(
             c, low, high = fraction[j, k], fraction[j - 1, k], fraction[j + 1, k]
             v_low, v_high, open_low, open_high = v[j, k], v[j + 1, k], open_faces[j, k], open_faces[j + 1, k]
             for i in range(HALO, nx - HALO):
-                gain = (low[i] + c[i]) * open_low[i] * (v_low[i] - far)
-                brought[i] += share * (gain - (high[i] + c[i]) * open_high[i] * (v_high[i] - far))
+                gain = (low[i] + c[i]) * open_low[i] * (v_low[i] - far[j, i])
+                brought[i] += share * (gain - (high[i] + c[i]) * open_high[i] * (v_high[i] - far[j + 1, i]))
         for i in range(HALO, nx - HALO):
             if max(rates.x[i], rates.y[j]) <= 0.0:
                 continue
             eta_y[j, i] += brought[i]
-            along = far - grid_velocity.y - grid_velocity.yaw_rate * metrics.xc[i]
+            along = 0.5 * (far[j, i] + far[j + 1, i]) - grid_velocity.y - grid_velocity.yaw_rate * metrics.xc[i]
             if along != 0.0:
                 before = j - 1 if along > 0.0 else j + 1
                 here = _rise(fraction, basin, j, i, metrics)[1]

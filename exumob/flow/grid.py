@@ -34,6 +34,8 @@ LENGTH = Quantity("m", at_least=-1e5, at_most=1e5)
 """Place of a face or a corner"""
 REACH = Quantity("m", above=0.0, at_most=1e5)
 """Distance from the hull to a side of the window"""
+CORE_TOP = 1.2
+"""Height up to which cells round a vehicle are cubes, over the tyre's diameter [-]."""
 GROWTH = Quantity("1", at_least=1.0, at_most=1.1, remedy="strong stretching slows the pressure solver.")
 """Ratio of neighbouring widths"""
 BYTES_PER_CELL = 490.0
@@ -167,7 +169,7 @@ class Grid:
 
     @classmethod
     @checked
-    def around_vehicle(
+    def around_vehicle(  # the sides of the window
         cls,
         vehicle: Vehicle,
         cell_size: Annotated[float, CELL_SIZE] = 0.018,
@@ -178,6 +180,7 @@ class Grid:
         top: Annotated[float, LENGTH] = 0.42,
         growth: Annotated[float, GROWTH] = 1.035,
         bottom: Annotated[float, LENGTH] = 0.0,
+        core_top: Annotated[float, LENGTH] | None = None,
     ) -> Grid:
         """Window round a vehicle's hull: cubic cells where its bodies are, growing outwards.
 
@@ -194,6 +197,8 @@ class Grid:
             Ratio of neighbouring widths outside the core [-].
         bottom : float
             Lowest face [m]: the bed, or the lowest bed on the window's way if that is given.
+        core_top : float, optional
+            Height up to which cells are cubes [m]; default 1.2 diameters of the tyre.
         """
         hull, wheel = vehicle.hull, vehicle.wheel
         low, high = (end - vehicle.hull_origin for end in hull.extent)
@@ -208,7 +213,8 @@ class Grid:
             )
         if not bottom < top:
             raise ValueError(f"Grid.around_vehicle: top = {top:g} m must lie above bottom = {bottom:g} m; raise it.")
-        core_top = min(max(0.24, bottom + 4.0 * cell_size), top)
+        core_top = CORE_TOP * wheel.diameter if core_top is None else core_top
+        core_top = min(max(core_top, bottom + 4.0 * cell_size), top)
         return cls.stretched(
             (rear, -side, bottom), (front, side, core_top), (-behind, -aside, bottom), (ahead, aside, top), cell_size,
             growth,

@@ -34,6 +34,8 @@ class Placement:
     terrain : Terrain or None
         The bed, in the world's axes; None: flat, the window's lowest face.
     settings : FlowSettings
+    deepest : float, optional
+        Least height of a given bed [m], see `exumob.flow.bed.Bed`.
 
     Attributes
     ----------
@@ -47,10 +49,13 @@ class Placement:
         As `place` left them.
     """
 
-    def __init__(self, grid: Grid, solids: Sequence[Solid], terrain: Terrain | None, settings: FlowSettings) -> None:
+    def __init__(
+        self, grid: Grid, solids: Sequence[Solid], terrain: Terrain | None, settings: FlowSettings,
+        deepest: float | None = None,
+    ) -> None:  # fmt: skip
         self.grid, self.metrics, self.shapes = grid, grid.metrics, tuple(solids)
         self.sharpness = 1.0 if settings.sharp_edges else 0.0
-        self.bed = _given_bed(grid, terrain, len(self.shapes), settings)
+        self.bed = _given_bed(grid, terrain, len(self.shapes), settings, deepest)
         shape = grid.padded_shape
         self.area_fractions = self.bodies = AreaFractions.open(shape)
         if self.bed is not None:
@@ -179,7 +184,9 @@ def index_region(metrics: Metrics, solid: Solid, position: Array, rotation: Arra
     return bounds
 
 
-def _given_bed(grid: Grid, terrain: Terrain | None, number: int, settings: FlowSettings) -> bed.Bed | None:
+def _given_bed(
+    grid: Grid, terrain: Terrain | None, number: int, settings: FlowSettings, deepest: float | None
+) -> bed.Bed | None:  # fmt: skip
     """Bed of a terrain; None if it is the window's lowest face."""
     bottom = float(grid.z_faces[0])
     if terrain is None:
@@ -196,4 +203,4 @@ def _given_bed(grid: Grid, terrain: Terrain | None, number: int, settings: FlowS
             "FlowSettings.bed_roughness: KOmegaSST knows the wall of a flat bed only; with a terrain let the bed slip "
             "(bed_roughness=None), or use Smagorinsky."
         )
-    return bed.Bed(terrain, grid, number)
+    return bed.Bed(terrain, grid, number, deepest)

@@ -6,7 +6,7 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any
+from typing import Annotated, Any
 
 import numba
 import numpy as np
@@ -21,8 +21,8 @@ from exumob.flow.pressure.levels import Levels
 from exumob.flow.settings import FlowSettings
 from exumob.flow.solids import Solid
 from exumob.flow.state import FlowState, Loads, StepReport
-from exumob.flow.step import StepFailed, TimeStep
-from exumob.ground.terrain import Terrain
+from exumob.flow.step import OverTerrain, StepFailed, TimeStep
+from exumob.ground.terrain import HEIGHT_RANGE, Terrain
 from exumob.support.arrays import Array, checked_array
 from exumob.support.compiled import say_compilation
 from exumob.support.constants import GRAVITY
@@ -35,6 +35,7 @@ logger = logging.getLogger(__name__)
 
 INSTANT = Quantity("s", at_least=-1e9, at_most=1e9)
 """Time of the flow"""
+HEIGHT = Quantity("m", at_least=HEIGHT_RANGE[0], at_most=HEIGHT_RANGE[1])
 CALM_STEPS = 100
 """Steps after which a divided interval is tried undivided again."""
 LEAST_STEP = 1e-4
@@ -54,12 +55,16 @@ class FlowSolver:
         Window in the axes of the followed solid (or of the world).
     solids : sequence of Solid
     water : Water
-        Depth above z = 0 (that is the still level, wherever the bed lies), current and density.
+        A depth counts from z = 0, wherever the bed lies; a field has one level, and a current from place to place.
     settings : FlowSettings
     terrain : Terrain, optional
         The bed, in the world's axes; left out, it is flat at z = 0. It may lie below and above z = 0, and emerge; the
-        grid must start at or below the lowest bed on its way. With a current the bed must be level at the far sides,
-        or level along the current (`exumob.flow.bed.Bed.check_water`).
+        grid must start at or below the lowest bed on its way. The current must be a flow over this bed at the far sides
+        (`exumob.flow.bed.Bed.check_water`).
+    deepest : float, optional
+        Where the terrain lies lower, the bed is taken at this height [m].
+    may_be_dry : bool
+        The window may begin on dry land, and come to water later.
     """
 
     @checked
@@ -70,6 +75,8 @@ class FlowSolver:
         water: Water,
         settings: FlowSettings | None = None,
         terrain: Terrain | None = None,
+        deepest: Annotated[float | None, HEIGHT] = None,
+        may_be_dry: bool = False,
     ) -> None:
         """Allocate; see the class."""
         self.grid, self.solids, self.water = grid, tuple(solids), water
@@ -77,15 +84,15 @@ class FlowSolver:
         require_room("FlowSolver: the grid", grid)
         self.metrics = grid.metrics
         top, bottom = float(grid.z_faces[-1]), float(grid.z_faces[0])
-        self._step = TimeStep(grid, self.solids, water, settings, terrain)
-        if not self.has_given_bed and water.uniform_depth <= bottom:
+        self._step = TimeStep(grid, self.solids, water, settings, OverTerrain(terrain, deepest, may_be_dry))
+        self.level = self._step.undisturbed.level
+        name = "Water.depth" if water.depth is not None else "Water.level" if water.field is None else "Water.field"
+        if not self.has_given_bed and self.level <= bottom:
+            raise ValueError(f"{name} = {self.level:g} m does not reach the bed at z = {bottom:g} m; raise it.")
+        if self.level > top - (0.0 if settings.closed_top else 2.0 * grid.smallest_width):
             raise ValueError(
-                f"Water.depth = {water.uniform_depth} m does not reach the bed at z = {bottom:g} m; raise it."
-            )
-        if water.uniform_depth > top - (0.0 if settings.closed_top else 2.0 * grid.smallest_width):
-            raise ValueError(
-                f"Water.depth = {water.uniform_depth} m does not fit a window {top:g} m high; raise Grid.z_faces to at "
-                f"least {2.0 * water.uniform_depth:g} m (three times the depth for bow waves)."
+                f"{name} = {self.level:g} m does not fit a window {top:g} m high; raise Grid.z_faces to at "
+                f"least {bottom + 2.0 * (self.level - bottom):g} m (three times the depth for bow waves)."
             )
         if settings.follow is not None and settings.follow >= len(self.solids):
             raise ValueError(
@@ -109,9 +116,8 @@ class FlowSolver:
         state.courant_rate = state.volume_added = 0.0
         state.frame[:] = step.frame(poses)
         state.fraction[:] = step.far_field.still[None, :, None]
-        far = step.far(state.frame[2])
-        for q, value in zip(state.velocity, far, strict=True):
-            q[:] = value
+        far = step.far(state.frame)
+        state.u[:], state.v[:], state.w[:] = far.x[:, None, :], far.y[:, None, :], 0.0
         state.phi[:] = 0.0
         state.eta_y[:] = 0.0
         self._start_closure()
@@ -302,7 +308,7 @@ class FlowSolver:
         """Pressure above that of air [Pa], shape (ny, nz, nx); 0 in dry cells."""
         h, s = HALO, self._state
         z = self.metrics.zc[None, h:-h, None]
-        gauge = s.phi[h:-h, h:-h, h:-h] / s.phi_dt - GRAVITY * (z - self.water.uniform_depth)
+        gauge = s.phi[h:-h, h:-h, h:-h] / s.phi_dt - GRAVITY * (z - self.level)
         return np.where(s.wet[h:-h, h:-h, h:-h] == 1, self.water.density * gauge, 0.0)
 
     def surface_height(self) -> Array:

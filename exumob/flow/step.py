@@ -36,15 +36,26 @@ from exumob.flow.settings import FlowSettings
 from exumob.flow.solids import Solid
 from exumob.flow.state import FlowState, Loads
 from exumob.flow.turbulence import closures, wall
+from exumob.flow.undisturbed import FarVelocity, UndisturbedWater
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
-from exumob.support.rotations import about_z
 from exumob.water.conditions import Water
 
 SWEEPS = ((0, 1, 2), (2, 1, 0), (1, 2, 0), (0, 2, 1), (2, 0, 1), (1, 0, 2))
 """Orders of the three sweeps that carry the fraction, in turn."""
 TOO_FAR_LEFT = 1.0e3
 """Residual over the tolerance from which an unfinished pressure solution counts as failed."""
+
+
+class OverTerrain(NamedTuple):
+    """The bed of a window."""
+
+    terrain: Terrain | None = None
+    """None: flat, the window's lowest face"""
+    deepest: float | None = None
+    """Where the terrain lies below this height, the bed lies at it [m]; None: nowhere"""
+    may_be_dry: bool = False
+    """The window may begin on dry land, and come to water later"""
 
 
 class StepFailed(Exception):
@@ -64,8 +75,8 @@ class Step:
     frame: Array
     """Pose of the grid at the end: origin x, y [m] and yaw [rad] in the world, shape (3,)"""
     grid_velocity: GridVelocity
-    far: Array
-    """Undisturbed flow in grid axes [m/s], shape (3,)"""
+    far: FarVelocity
+    """Undisturbed flow at the end"""
     cells: WaterCells
     """Water in the cells before the transport"""
     solids: PlacedSolids
@@ -102,10 +113,13 @@ class TimeStep:
     solids : sequence of Solid
     water : Water
     settings : FlowSettings
-    terrain : Terrain or None
+    over : OverTerrain
+        The bed.
 
     Attributes
     ----------
+    undisturbed : UndisturbedWater
+        The water as it would be without solids.
     placement : Placement
         Solids and bed in the grid.
     far_field : FarField
@@ -119,12 +133,14 @@ class TimeStep:
     """
 
     def __init__(
-        self, grid: Grid, solids: Sequence[Solid], water: Water, settings: FlowSettings, terrain: Terrain | None
-    ) -> None:
+        self, grid: Grid, solids: Sequence[Solid], water: Water, settings: FlowSettings, over: OverTerrain
+    ) -> None:  # fmt: skip
         """Allocate; see the class."""
+        self.may_be_dry = over.may_be_dry
         self.metrics, self.water, self.settings = grid.metrics, water, settings
-        self.fluid = Fluid(float(water.density), float(water.uniform_depth), float(settings.viscosity))
-        self.placement = Placement(grid, solids, terrain, settings)
+        self.undisturbed = UndisturbedWater(water, grid)
+        self.fluid = Fluid(float(water.density), self.undisturbed.level, float(settings.viscosity))
+        self.placement = Placement(grid, solids, over.terrain, settings, over.deepest)
         self.far_field = FarField(grid, self.fluid.level, self.placement.bed_heights, settings)
         self.levels = assembly.Levels(self.metrics)
         shape = grid.padded_shape
@@ -138,6 +154,7 @@ class TimeStep:
         self._label = np.zeros(shape, dtype=np.uint8)
         self._full = np.ones(shape)
         self._scratch, self._rates = np.zeros(shape), np.zeros(shape[0])
+        self._at_rest = np.zeros((shape[0], shape[2]))
 
     def take(self, old: FlowState, new: FlowState, dt: float, poses: Poses) -> StepResult:
         """Fill `new` with the state `dt` [s] after `old`, when the solids are at `poses`.
@@ -170,7 +187,7 @@ class TimeStep:
         frame = self.frame(poses)
         frame[2] = old.frame[2] + math.remainder(frame[2] - old.frame[2], 2.0 * math.pi)
         return Step(
-            dt, old, new, frame, mean_grid_velocity(old.frame, frame, dt), self.far(frame[2]),
+            dt, old, new, frame, mean_grid_velocity(old.frame, frame, dt), self.far(frame),
             self._cells._replace(fraction=new.fraction, wet=new.wet), self.placement.solids, np.zeros(0),
             np.zeros((0, 0)), np.zeros((0, 0)),
         )  # fmt: skip
@@ -212,7 +229,7 @@ class TimeStep:
     def predict(self, step: Step) -> None:
         """Velocity before the projection: the momentum equation without the pressure."""
         g = step.grid_velocity
-        self.far_field.set_flow(step.far[:2] - np.array([g.x, g.y]))
+        self.far_field.set_flow(step.far.in_the_middle - np.array([g.x, g.y]))
         advection.turn(step.old.velocity, step.new.velocity, step.yaw, step.cells.near)
         self._add_advection(step)
         self._add_eddy_stress(step)
@@ -240,9 +257,10 @@ class TimeStep:
     def extend(self, step: Step) -> None:
         """Velocity in the air and inside solids, and relative to the grid on full faces."""
         new, o = step.new, self.placement.area_fractions
+        far = (*step.far, self._at_rest)
         for axis in range(3):
             velocity_extension.extend(
-                new.extended[axis], new.velocity[axis], step.cells, o, axis, step.far[axis], step.dt, self._label
+                new.extended[axis], new.velocity[axis], step.cells, o, axis, far[axis], step.dt, self._label
             )
         if self.placement.bed is not None:
             self.placement.bed.stop(step.cells, o, new.velocity, new.extended)
@@ -259,7 +277,7 @@ class TimeStep:
         begin = self.levels.rhs  # free by now
         begin[:] = new.fraction
         step.cells = cells._replace(fraction=begin)
-        along_y = FlowAlongY(new.v, new.fraction, self.placement.area_fractions.by, step.far[1])
+        along_y = FlowAlongY(new.v, new.fraction, self.placement.area_fractions.by, step.far.y)
         far_field.gather_rise(new.eta_y, along_y, step.grid_velocity, step.dt)
         sweeps = free_surface.Sweeps(
             begin, self.relative, step.dt, self.settings.surface == "plic", cells.swept, cells.swept_faces,
@@ -370,24 +388,24 @@ class TimeStep:
         r, x = poses.rotation[self.settings.follow], poses.position[self.settings.follow]
         return np.array([x[0], x[1], math.atan2(r[1, 0], r[0, 0])])
 
-    def far(self, yaw: float) -> Array:
-        """Undisturbed flow in the axes of a grid at this yaw [rad]: shape (3,) [m/s]."""
-        return about_z(yaw).T @ self.water.velocity
+    def far(self, frame: Array) -> FarVelocity:
+        """Undisturbed flow of a grid at `frame`; the next call overwrites it."""
+        return self.undisturbed.velocity(frame)
 
     def place(self, poses: Poses, frame: Array, steps: int) -> None:
         """Put solids and grid at their poses; after the first of the steps done, warn of an uneven bed underway."""
         moved = self.placement.place(poses, frame)
-        if moved and steps > 0 and self.water.current_speed > 0.0:
-            self.check_water(self.far(frame[2]), start=False)
+        if moved and steps > 0:
+            self.check_water(self.far(frame), start=False)
 
-    def check_water(self, far: Array, start: bool) -> None:
+    def check_water(self, far: FarVelocity, start: bool) -> None:
         """Check that the current can be undisturbed over a given bed (`exumob.flow.bed.Bed.check_water`)."""
         if self.placement.bed is not None:
-            self.placement.bed.check_water(self.water, far, self.far_field.zone, start)
+            self.placement.bed.check_water(self.undisturbed, far, self.far_field, start, self.may_be_dry)
 
     def complete(self, state: FlowState) -> None:
         """Fill in what follows from fraction and velocity of a state that was set from outside."""
-        far = self.far(state.frame[2])
+        far = self.far(state.frame)
         self.far_field.fill_fraction(state.fraction)
         self.far_field.fill_velocity(state.velocity, far)
         whole = ActiveRows.padded(state.fraction.shape)
@@ -400,7 +418,7 @@ class TimeStep:
         self._carry(state, far, whole)
         state.courant_rate = self._courant_rate(state.carrying, state.fraction, whole)
 
-    def _carry(self, state: FlowState, far: Array, rows: ActiveRows) -> None:
+    def _carry(self, state: FlowState, far: FarVelocity, rows: ActiveRows) -> None:
         """Velocity on full faces, which carries fraction and momentum."""
         o = self.placement.area_fractions
         advection.full_velocity(state.carrying, state.velocity, o, rows)

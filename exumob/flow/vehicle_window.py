@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import math
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from exumob.flow.bed import lowest_bed
 from exumob.flow.cost import require_room
 from exumob.flow.grid import CELL_SIZE, Grid
+from exumob.flow.undisturbed import still_level
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
 from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Vehicle
+from exumob.vehicle.start_pose import PLACE
 from exumob.water.conditions import Water
 
 AHEAD, BEHIND, ASIDE, TOP = 1.8, 2.4, 1.8, 0.42
 """Reach of the window from the hull's centre of mass, over the vehicle's length [-]."""
+DEEPEST = 0.75
+"""Depth beyond which no vehicle that stands on the ground feels how deep the water is, over its length [-]."""
+SPACING = 0.05
+"""Spacing of the points at which a bed is looked at for its lowest, over the vehicle's length [-]."""
+CORE_ABOVE = 0.6
+"""Height above still water up to which cells are cubes, over the tyre's diameter [-]."""
+FINEST = 2000
+"""Points along a side of the area that is looked at, at most."""
 
 
 @checked
@@ -49,7 +60,7 @@ def vehicle_window(
     ValueError
         If `cell_size` is not positive, or makes more cells than there is memory for; the text names one that fits.
     """
-    scale = max(vehicle.hull.length, vehicle.wheelbase + vehicle.wheel.diameter)
+    scale = _length(vehicle)
     ahead, behind, aside = AHEAD * scale, BEHIND * scale, ASIDE * scale
     bottom = 0.0
     if terrain is not None and terrain.is_flat:
@@ -65,6 +76,70 @@ def vehicle_window(
     )  # fmt: skip
     require_room(f"{vehicle.name}: cell_size = {cell_size:g} m", grid)
     return grid
+
+
+class WindowOverTerrain(NamedTuple):
+    """A window of the flow over uneven ground."""
+
+    grid: Grid
+    deepest: float
+    """Where the ground lies below this height, the bed is taken at it [m]"""
+
+
+@checked
+def window_over_terrain(
+    vehicle: Vehicle,
+    cell_size: Annotated[float, CELL_SIZE],
+    water: Water,
+    terrain: Terrain,
+    place: Annotated[tuple[float, float], PLACE] = (0.0, 0.0),
+    reach: Annotated[float, Quantity("m", at_least=0.0, at_most=1e6)] = 0.0,
+) -> WindowOverTerrain:
+    """Return the default grid round a vehicle that drives over uneven ground, wherever it goes within a circle.
+
+    It begins a cell below the lowest bed on its way, or below `DEEPEST` vehicle lengths of water; its cells are cubes
+    up to three fifths of a tyre's diameter above the still level.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    cell_size : float
+        Cell size round the vehicle [m].
+    water : Water
+    terrain : Terrain
+        The ground.
+    place : (float, float)
+        Where the vehicle starts, world x and y [m].
+    reach : float
+        How far it comes from there [m].
+
+    Raises
+    ------
+    ValueError
+        As `vehicle_window`; or if the level of a field is not one (`exumob.flow.undisturbed.still_level`).
+    """
+    scale = _length(vehicle)
+    ahead, behind, aside = AHEAD * scale, BEHIND * scale, ASIDE * scale
+    level = still_level(water)
+    around = reach + 1.1 * math.hypot(behind, aside)
+    spacing = max(SPACING * scale, 2.0 * around / FINEST)
+    corner = np.array([around, around])
+    lowest = lowest_bed(terrain, np.array([[*place, 0.0]]), -corner, corner, spacing)
+    deepest = max(lowest, level - DEEPEST * scale)
+    depth = max(level - deepest, 0.0)
+    bottom, ground = deepest - cell_size, max(level, lowest)
+    grid = Grid.around_vehicle(
+        vehicle, cell_size, ahead=ahead, behind=behind, aside=aside, bottom=bottom,
+        top=ground + min(max(TOP * scale - depth, 2.5 * depth), TOP * scale),
+        core_top=ground + CORE_ABOVE * vehicle.wheel.diameter,
+    )  # fmt: skip
+    require_room(f"{vehicle.name}: cell_size = {cell_size:g} m", grid)
+    return WindowOverTerrain(grid, deepest)
+
+
+def _length(vehicle: Vehicle) -> float:
+    """Length to which the window is in proportion [m]."""
+    return max(vehicle.hull.length, vehicle.wheelbase + vehicle.wheel.diameter)
 
 
 @checked

@@ -36,7 +36,7 @@ OUTSIDE = np.uint8(255)
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def extend(
-    e: Array, q: Array, cells: WaterCells, area_fractions: AreaFractions, axis: int, far: float, dt: float,
+    e: Array, q: Array, cells: WaterCells, area_fractions: AreaFractions, axis: int, far: Array, dt: float,
     label: NDArray[np.uint8],
 ) -> None:  # fmt: skip
     """Extend one velocity component `LAYERS` faces into air and solids by averages of known neighbours.
@@ -55,7 +55,7 @@ def extend(
     area_fractions : AreaFractions
     axis : int
         Axis of the component: 0 x, 1 y, 2 z.
-    far : float
+    far : array, shape (ny, nx)
         Undisturbed flow [m/s].
     dt : float
         [s]
@@ -115,7 +115,7 @@ def extend(
                 here, label_here = value[p], mark[p]
                 fallen = here - drop
                 fallen = fallen if fallen > -FASTEST_FALL or axis != 2 else -FASTEST_FALL
-                alone = fallen if c[p] > 0.0 or c[p - own] > 0.0 else far
+                alone = fallen if c[p] > 0.0 or c[p - own] > 0.0 else far[j, i - start]
                 value[p] = np.nan if label_here == 0 else here
                 projected = (is_wet[p] | is_wet[p - own]) != 0 and beta[p] > 0.0
                 here = alone if label_here == 0 else here

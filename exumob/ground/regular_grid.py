@@ -9,6 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from exumob.support.arrays import Array
+from exumob.support.cost import require_memory
+
+
+def both_spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
+    """Distance of points along x and along y [m]; one number stands for both."""
+    return spacing if isinstance(spacing, tuple) else (spacing, spacing)
 
 
 class RegularGrid(NamedTuple):
@@ -22,6 +28,38 @@ class RegularGrid(NamedTuple):
     """Number of points along its y and along its x"""
     direction: float = 0.0
     """Direction of the grid's x axis, counter-clockwise from world x [rad]"""
+
+    @classmethod
+    def of(  # where the points lie, what is there, and how a message names it
+        cls, name: str, values: ArrayLike, origin: tuple[float, float], spacing: tuple[float, float], direction: float,
+        bytes_per_point: int,
+    ) -> RegularGrid:  # fmt: skip
+        """Make the grid of a field, or refuse one that is too small, or too large for the memory.
+
+        Parameters
+        ----------
+        name : str
+            The field in messages, as in ``"Terrain.heights"``.
+        values : array_like, shape (n_y, n_x)
+            One value at each point.
+        origin, spacing, direction
+            As the fields of the class.
+        bytes_per_point : int
+            Memory that a point takes while the field is prepared [bytes].
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than 2 by 2 points, or more than fit into the memory.
+        """
+        shape = np.shape(values)
+        if min(shape) < 2:
+            raise ValueError(f"{name} has shape {shape}; give an array (n_y, n_x), 2 by 2 or larger.")
+        require_memory(
+            f"{name} of {shape[0]} by {shape[1]} points", bytes_per_point * shape[0] * shape[1],
+            "cut out what the run drives over, or take every second point.",
+        )  # fmt: skip
+        return cls(origin, spacing, (shape[0], shape[1]), direction)
 
     @property
     def lengths(self) -> tuple[float, float]:

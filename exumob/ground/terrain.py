@@ -26,10 +26,9 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from exumob.ground.regular_grid import RegularGrid
+from exumob.ground.regular_grid import RegularGrid, both_spacings
 from exumob.support.arrays import Array
 from exumob.support.checks import require_finite
-from exumob.support.cost import require_memory
 from exumob.support.declared import Declared, checked
 from exumob.support.kernels import njit
 from exumob.support.quantities import DIRECTION, Quantity
@@ -106,17 +105,12 @@ class Terrain(Declared):
     not"""
 
     def _check(self) -> None:
-        dx, dy = self.spacing if isinstance(self.spacing, tuple) else (self.spacing, self.spacing)
-        object.__setattr__(self, "spacing", (dx, dy))
+        object.__setattr__(self, "spacing", both_spacings(self.spacing))
         if self.heights is None:
             return
         field = np.asarray(self.heights)
-        if min(field.shape) < 2:
-            raise ValueError(f"Terrain.heights has shape {field.shape}; give an array (n_y, n_x), 2 by 2 or larger.")
-        require_memory(
-            f"Terrain.heights of {field.shape[0]} by {field.shape[1]} points", BYTES_PER_POINT * field.size,
-            "cut out what the run drives over, or take every second point.",
-        )  # fmt: skip
+        dx, dy = self._steps
+        RegularGrid.of("Terrain.heights", field, self.origin, (dx, dy), self.direction, BYTES_PER_POINT)
         low, high = HEIGHT_RANGE
         beyond = (field < low) | (field > high)
         if beyond.any():

@@ -17,6 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from exumob.simulation import verdict
 from exumob.simulation.result_files import load_dataset
 from exumob.support.arrays import Array
 from exumob.support.quantities import unusual
@@ -35,6 +36,10 @@ VARIABLES = (
     "slip_ratio", "slip_angle", "soil_force", "suspension_stroke", "flow_state", "water_wrench",
 )  # fmt: skip
 """Variables of a run that are packed at every sample."""
+FOR_VERDICT = tuple(name for name in (*verdict.NEEDED, *verdict.FURTHER) if name not in (*VARIABLES, "water_load"))
+"""Variables that the verdict on a run depends on besides: packed at every sample, too, if the run holds them.
+
+The water's forces are in the wrenches already."""
 SURFACE = ("hydrodynamics_elevation", "hydrodynamics_frame")
 """Variables of the free surface that are packed every `SURFACE_INTERVAL`, if the run holds them."""
 SURFACE_INTERVAL = 2.0
@@ -46,7 +51,7 @@ NEEDED = (
     "water_wrench", "water_wrench_smooth",
 )  # fmt: skip
 """Variables that a run to learn from must have."""
-DOUBLE = ("position",)
+DOUBLE = ("position", "hull_contact_center")
 """Variables that are packed in double precision: coordinates of a map are large, and a millimetre counts."""
 MOST_LOAD, MOST_JUMP = 10.0, 1000.0
 """Largest loads that are plausible, over the scales of `load_scale` [-]: of 99 % of the instants, and at jumps.
@@ -74,7 +79,8 @@ def pack(run: xr.Dataset) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        `VARIABLES`, ``water_wrench_smooth`` (centred moving average: no phase shift) and the surface at a few instants.
+        `VARIABLES`, `FOR_VERDICT`, ``water_wrench_smooth`` (centred moving average: no phase shift) and the surface at
+        a few instants. `exumob.simulation.verdict.judge` says of it what it says of the run.
 
     Raises
     ------
@@ -88,7 +94,7 @@ def pack(run: xr.Dataset) -> xr.Dataset:
     if missing:
         raise ValueError(f"pack: the run holds no {', no '.join(missing)}; give a result of exumob.simulate.")
     _check_sampling(run["time"].values)
-    packed = run[list(VARIABLES)]
+    packed = run[[*VARIABLES, *(name for name in FOR_VERDICT if name in run)]]
     wrench = run["water_wrench"]
     packed["water_wrench_smooth"] = wrench.copy(data=smoothed(wrench.values, SAMPLING)).assign_attrs(
         long_name=f"{wrench.attrs['long_name']}, centred moving average over {1e3 * WINDOW:g} ms",

@@ -43,7 +43,8 @@ def plot_ford(run: xr.Dataset, ford: Ford, report: FordReport) -> Figure:
     high = max(ford.edges[1] + 2.0 * rear, float(place.max())) + 1.2 * front
     with plt.rc_context(STYLE):
         heights = _heights(driven, ford, low, high)
-        tall = float(np.clip(10.0 * (heights[1] - heights[0]) / (high - low), 1.5, 4.0))  # [inches]
+        # [inches]: a little more than its share, so that its width is that of the panels below
+        tall = float(np.clip(11.0 * (heights[1] - heights[0]) / (high - low), 1.5, 4.0))
         figure, (side, depth, load, slip) = plt.subplots(
             4, 1, figsize=(11.0, tall + 6.6), height_ratios=[tall, 1.7, 1.7, 1.5], sharex=True, layout="constrained"
         )
@@ -85,6 +86,8 @@ def _heights(run: xr.Dataset, ford: Ford, low: float, high: float) -> tuple[floa
     hull = ford.vehicle.hull
     top = float(np.nanmax(run["position"].sel(body="hull", axis="z").values))
     top += float(hull.extent[1][2]) - hull.center_of_mass_height
+    steepest = float(np.nanmax(np.abs(np.sin(run["pitch"].sel(body="hull").values))))
+    top += 0.5 * float(np.ptp(hull.extent, axis=0)[0]) * steepest
     room = 0.12 * (max(top, bed.max()) - bed.min())
     return float(bed.min()) - room, float(max(top, bed.max(), ford.level)) + room
 

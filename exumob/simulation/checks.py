@@ -51,9 +51,7 @@ def check_steps(steps: Steps) -> None:
     require_room(steps)
 
 
-def check_water_model(
-    hydrodynamics: Hydrodynamics, water: Water | None, terrain: Terrain, start: StartPose
-) -> None:  # fmt: skip
+def check_water_model(hydrodynamics: Hydrodynamics, water: Water | None, terrain: Terrain) -> None:
     """Refuse water that a model does not know, and tell one that knows terrain of it.
 
     Raises
@@ -67,21 +65,13 @@ def check_water_model(
     if water is None or type(hydrodynamics) is NoWater:
         return
     name = type(hydrodynamics).__name__
-    if isinstance(hydrodynamics, SpinUpHydrodynamics):
-        name, remedy = f"the flow in the loop ({name})", "take hydrodynamics='coefficients', or level ground"
-    else:
-        remedy = "give the model a function set_bed (exumob.water.hydrodynamics.BedHydrodynamics), or level ground"
+    remedy = "give the model a function set_bed (exumob.water.hydrodynamics.BedHydrodynamics), or level ground"
     if water.depth is None:
         raise ValueError(
             f"simulate.water: {name} knows water of one depth and one current only, Water(depth=...); {remedy}."
         )
     if not (terrain.is_flat and terrain.height == 0.0):
         raise ValueError(f"simulate.terrain: {name} knows water over level ground at z = 0 only; {remedy}.")
-    if start != StartPose() and isinstance(hydrodynamics, SpinUpHydrodynamics):
-        raise ValueError(
-            f"simulate.start: with {name} a run starts at the world's origin, heading along world x; turn the current "
-            "instead (Water.current_direction)."
-        )
 
 
 def check_following(run: RunDescription) -> None:

@@ -14,6 +14,7 @@ from exumob.simulation.description import RunDescription, Steps
 from exumob.support.cost import announce, expected_time, memory_limit, require_disk, require_memory, spelled_size
 from exumob.vehicle.motion import HISTORY_STEP
 from exumob.vehicle.parameters import Vehicle
+from exumob.vehicle.start_pose import StartPose
 from exumob.water.conditions import Water
 
 if TYPE_CHECKING:
@@ -47,6 +48,9 @@ class FlowInLoop(Protocol):
 
     def expect_steering(self, smallest: float, largest: float) -> None:
         """Take the smallest and the largest angle of a front wheel during the run [rad]."""
+
+    def expect_drive(self, water: Water | None, start: StartPose, reach: float) -> None:
+        """Take where the vehicle starts and how far it can come from there [m]; a ValueError: it cannot run this."""
 
     def cost(
         self, vehicle: Vehicle, water: Water, speed: float, duration: float, macro_step: float, advances: float
@@ -104,8 +108,10 @@ def prepare(run: RunDescription, commands: tuple[float, float], checkpoint: Path
     if isinstance(model, FlowInLoop):
         angles = [m[0] for command in commands for m in run.vehicle.steering_angles((command, 0.0, 0.0))]
         model.expect_steering(min(0.0, *angles), max(0.0, *angles))
+        current = 0.0 if water is None else water.greatest_speed
+        speed = _fastest(run.maneuver, steps.duration) * run.vehicle.wheel.radius + current
+        model.expect_drive(water, run.start, speed * steps.duration)
         if water is not None:
-            speed = _fastest(run.maneuver, steps.duration) * run.vehicle.wheel.radius + water.current_speed
             advances = 5.0 if isinstance(run.coupling, Strong) else 1.1
             flow = model.cost(run.vehicle, water, speed, steps.duration, steps.longest_macro_step, advances)
     words = f"{steps.duration / steps.micro_step:,.0f} steps of the vehicle"

@@ -204,11 +204,14 @@ def _under_faces(  # a kernel: the surface, and what is known of it already
         area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
         if abs(area) < 1e-12 * size * size:
             continue  # upright: its edges say all
-        i0, i1 = _indices(min(a[0], b[0], c[0]), max(a[0], b[0], c[0]), ground.origin_x, step_x, n_x)
-        j0, j1 = _indices(min(a[1], b[1], c[1]), max(a[1], b[1], c[1]), ground.origin_y, step_y, n_y)
-        for j in range(j0 * parts_y, j1 * parts_y + 1):
+        # of the points between those of the field, the ones below this face: a cell of a section is a kilometre wide
+        west, east = min(a[0], b[0], c[0]), max(a[0], b[0], c[0])
+        south, north = min(a[1], b[1], c[1]), max(a[1], b[1], c[1])
+        i0, i1 = _indices(west, east, ground.origin_x, step_x / parts_x, (n_x - 1) * parts_x + 1)
+        j0, j1 = _indices(south, north, ground.origin_y, step_y / parts_y, (n_y - 1) * parts_y + 1)
+        for j in range(j0, j1 + 1):
             y = ground.origin_y + j * step_y / parts_y
-            for i in range(i0 * parts_x, i1 * parts_x + 1):
+            for i in range(i0, i1 + 1):
                 x = ground.origin_x + i * step_x / parts_x
                 t = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
                 u = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area

@@ -44,6 +44,7 @@ from exumob.support.compiled import say_compilation
 from exumob.support.declared import checked
 from exumob.support.errors import SimulationError, SimulationInterrupted
 from exumob.support.quantities import INITIAL_SPEED, STEP
+from exumob.support.small_matrices import on_one_thread
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.point_force import PointForce
@@ -156,7 +157,7 @@ def simulate(  # one argument a part of the run; all but two have defaults
     )
     check_steps(steps)
     check_start(vehicle, terrain, water, pose)
-    check_water_model(hydrodynamics, water, terrain, pose)
+    check_water_model(hydrodynamics, water, terrain)
     commands = check_maneuver(vehicle, maneuver, duration, pose)
     maneuver, speed = rolling_start(vehicle, maneuver, initial_speed, in_loop)
     run = RunDescription(
@@ -172,7 +173,8 @@ def simulate(  # one argument a part of the run; all but two have defaults
         store = Checkpoints(Path(checkpoint), Fingerprint.of(run), resume)
     elif resume:
         raise ValueError("simulate.resume: there is nothing to go on from without checkpoint; give its file.")
-    return _drive(run, store, progress)
+    with on_one_thread():
+        return _drive(run, store, progress)
 
 
 def _drive(run: RunDescription, store: Checkpoints | None, progress: Callable[[float], None] | None) -> xr.Dataset:

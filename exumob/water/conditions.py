@@ -141,6 +141,13 @@ class Water(Declared):
             raise ValueError("Water.velocity: that of a field differs from place to place; ask for it with `at`.")
         return self.current_speed * np.array([math.cos(self.current_direction), math.sin(self.current_direction), 0.0])
 
+    @property
+    def greatest_speed(self) -> float:
+        """Largest speed of the undisturbed flow anywhere [m/s]."""
+        if self.field is None:
+            return self.current_speed
+        return float(np.hypot(self.field.nodes[..., 1], self.field.nodes[..., 2]).max())
+
     def require_over(self, terrain: Terrain, name: str = "Water.depth") -> None:
         """Refuse a depth over ground that is not level.
 

@@ -112,7 +112,9 @@ def hydrostatic_wrench(
     return np.asarray(density * GRAVITY * wrench)
 
 
-def still_water_wrenches(surfaces: Sequence[Surface], states: BodyStates, water: Water) -> Array:
+def still_water_wrenches(
+    surfaces: Sequence[Surface], states: BodyStates, water: Water, terrain: Terrain | None = None
+) -> Array:  # fmt: skip
     """Return the wrenches of still water on all bodies at the last instant of their states [N, N m], shape (n, 6).
 
     Parameters
@@ -121,10 +123,13 @@ def still_water_wrenches(surfaces: Sequence[Surface], states: BodyStates, water:
         One for each body.
     states : BodyStates
     water : Water
-        Its current is not felt.
+        Its current is not felt; its level is that below each body's origin.
+    terrain : Terrain, optional
+        The bed; default: flat at z = 0.
     """
-    poses = zip(surfaces, states.rotation[-1], states.position[-1], strict=True)
-    return np.array([hydrostatic_wrench(*pose, water.uniform_depth, water.density) for pose in poses])
+    levels, _ = water.at(states.position[-1, :, :2], terrain)
+    poses = zip(surfaces, states.rotation[-1], states.position[-1], levels, strict=True)
+    return np.array([hydrostatic_wrench(*pose, water.density, terrain=terrain) for pose in poses])
 
 
 @checked

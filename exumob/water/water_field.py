@@ -14,10 +14,9 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from exumob.ground.regular_grid import RegularGrid
+from exumob.ground.regular_grid import RegularGrid, both_spacings
 from exumob.ground.terrain import HEIGHT_RANGE
 from exumob.support.arrays import Array
-from exumob.support.cost import require_memory
 from exumob.support.declared import Declared
 from exumob.support.kernels import njit
 from exumob.support.quantities import DIRECTION, Quantity
@@ -84,15 +83,10 @@ class WaterField(Declared):
     """True: beyond its edges the water goes on as at the nearest point of them. False: a vehicle must stay within"""
 
     def _check(self) -> None:
-        dx, dy = self.spacing if isinstance(self.spacing, tuple) else (self.spacing, self.spacing)
-        object.__setattr__(self, "spacing", (dx, dy))
+        object.__setattr__(self, "spacing", both_spacings(self.spacing))
         level = np.asarray(self.level)
-        if min(level.shape) < 2:
-            raise ValueError(f"WaterField.level has shape {level.shape}; give an array (n_y, n_x), 2 by 2 or larger.")
-        require_memory(
-            f"WaterField.level of {level.shape[0]} by {level.shape[1]} points", BYTES_PER_POINT * level.size,
-            "cut out what the run drives over, or take every second point.",
-        )  # fmt: skip
+        assert isinstance(self.spacing, tuple)
+        RegularGrid.of("WaterField.level", level, self.origin, self.spacing, self.direction, BYTES_PER_POINT)
         wet = ~np.isnan(level)
         if not wet.any():
             raise ValueError("WaterField.level is nan everywhere, so all is dry land; give water=None for that.")

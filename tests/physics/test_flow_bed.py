@@ -2,6 +2,7 @@
 
 import logging
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from exumob.verification.frames import SETTINGS, steady_motion
 from exumob.verification.initial import TANK
 from exumob.verification.single_body import one_pose
 from exumob.water.conditions import Water
+from exumob.water.cross_section import CrossSection
 from vehicle_models.amphibious import amphibious_vehicle
 
 GRID = Grid.uniform((-0.4, -0.4, -0.08), (0.4, 0.4, 0.2), 0.04)
@@ -166,3 +168,83 @@ def test_captive_run_over_a_bed():
     assert over_ditch[0] == pytest.approx(over_level[0], rel=0.04)
     assert over_ditch[1:] == pytest.approx(over_level[1:], rel=0.02)
     assert float(np.abs(run["elevation"]).max()) < 5e-4
+
+
+# -- a level, a river, dry land ----------------------------------------------------------------------------------------
+
+RIVER = CrossSection(
+    station=(-3.0, -0.9, -0.3, 0.4, 1.0, 3.0), bed=(0.05, 0.05, -0.12, -0.12, 0.05, 0.05),
+    current=(0.0, 0.0, 0.4, 0.6, 0.0, 0.0),
+)  # fmt: skip
+
+
+def crossing(place=(0.0, 0.0, 0.0), turn=0.0):
+    """A ball towed across the river, seen from the window that follows it: loads of six intervals, body axes."""
+    origin, level = (place[0], place[1]), place[2]
+    section = replace(RIVER, bed=tuple(z + level for z in RIVER.bed))
+    terrain = section.terrain(origin=origin, direction=turn)
+    water = section.water(level, origin=origin, direction=turn)
+    grid = Grid.uniform((-0.4, -0.4, -0.173 + level), (0.4, 0.4, 0.147 + level), 0.04)  # no surface on a face
+    solver = FlowSolver(grid, (sphere(0.06, friction=0.01),), water, SETTINGS, terrain)
+    about = about_z(turn)
+
+    def pose(t):
+        here = np.array(place) + about @ [-0.3 + 0.8 * t, 0.0, -0.03]
+        return one_pose(tuple(here), tuple(about @ [0.8, 0.0, 0.0]), turn, 0.0)
+
+    solver.start(pose(0.0))
+    return np.array([solver.advance(0.01 * (n + 1), pose(0.01 * (n + 1))) for n in range(6)])
+
+
+def test_a_river_elsewhere_and_turned_is_the_same_river():
+    here = crossing()
+    assert np.abs(here[:, 0, 1]).max() > 0.05  # the current pushes to the left
+    assert crossing((1000.0, 2000.0, 7.0), math.radians(37.0)) == pytest.approx(here, abs=1e-6)
+
+
+def test_restart_in_a_river_equals_a_single_run():
+    def made():
+        grid = Grid.uniform((-0.4, -0.4, -0.16), (0.4, 0.4, 0.16), 0.04)
+        return FlowSolver(grid, (sphere(0.06, friction=0.01),), RIVER.water(0.0), SETTINGS, RIVER.terrain())
+
+    def pose(t):
+        return one_pose((0.8 * t, 0.0, -0.03), (0.8, 0.0, 0.0), 0.5 * t, 0.5)
+
+    solver = made()
+    solver.start(pose(0.0))
+    for n in range(3):
+        solver.advance(0.01 * (n + 1), pose(0.01 * (n + 1)))
+    saved = solver.save()
+    one = [solver.advance(0.01 * (n + 1), pose(0.01 * (n + 1))) for n in range(3, 6)]
+    other = made()
+    other.restore(saved)
+    assert np.array_equal(one, [other.advance(0.01 * (n + 1), pose(0.01 * (n + 1))) for n in range(3, 6)])
+
+
+def test_a_window_on_dry_land_has_no_loads_and_comes_to_water():
+    """Half submerged in the end: a ball that was moved in air over the bank."""
+    x = np.linspace(-6.0, 6.0, 21)
+    bank = Terrain(heights=np.tile(np.where(x < 0.1, 0.2, -0.1), (2, 1)), origin=(-6.0, -9.0), spacing=(0.6, 18.0))
+    grid = Grid.uniform((-0.4, -0.4, -0.14), (0.4, 0.4, 0.3), 0.04)
+
+    def pose(t):
+        return one_pose((-1.2 + 3.0 * t, 0.0, 0.27 if t < 0.6 else 0.27 - 0.9 * (t - 0.6)), (3.0, 0.0, 0.0))
+
+    with pytest.raises(ValueError, match=r"no bed in the window lies below the still level at z = 0 m"):
+        FlowSolver(grid, (sphere(0.05),), Water(level=0.0), SETTINGS, bank).start(pose(0.0))
+    solver = FlowSolver(grid, (sphere(0.05),), Water(level=0.0), SETTINGS, bank, may_be_dry=True)
+    solver.start(pose(0.0))
+    drag = np.array([solver.advance(0.01 * (n + 1), pose(0.01 * (n + 1)))[0, 0] for n in range(90)])
+    assert np.abs(drag[:60]).max() == 0.0
+    assert solver.surface_height()[:, -3:] == pytest.approx(0.0, abs=0.01)
+    assert drag[-1] < -1.0
+
+
+def test_deep_water_ends_at_a_depth_of_its_own():
+    grid = Grid.uniform((-0.4, -0.4, -0.2), (0.4, 0.4, 0.2), 0.04)
+    solver = FlowSolver(grid, (), Water(level=0.0), TANK, Terrain(slope_x=1.0), deepest=-0.18)
+    solver.start()
+    assert solver.bed_height().min() == pytest.approx(-0.18)
+    for n in range(3):
+        solver.advance(0.01 * (n + 1))
+    assert np.abs(solver.surface_height()[solver.bed_height() < -0.05]).max() < 1e-3

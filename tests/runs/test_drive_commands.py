@@ -5,12 +5,18 @@ import math
 import re
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from exumob.__main__ import app
+from exumob.ground.soil import Soil
+from exumob.mobility.ford import Ford, ford_report
+from exumob.mobility.ford_figure import plot_ford
 from exumob.simulation.result_files import load_dataset
+from exumob.water.cross_section import CrossSection
+from vehicle_models.small_car import small_car
 
 ROOT = Path(__file__).parents[2]
 BROOK = """station [m], bed [m], current [m/s]
@@ -60,6 +66,23 @@ def test_a_brook_is_forded_reported_and_drawn(brook, tmp_path):
     assert float(run["water_depth"].max()) == pytest.approx(0.12, abs=0.01)
     assert float(run["current"].sel(axis="y").max()) == pytest.approx(0.3, abs=0.02)
     assert files["png"].read_bytes().startswith(b"\x89PNG") and files["gif"].read_bytes().startswith(b"GIF8")
+
+
+def test_a_ford_is_drawn_with_the_whole_vehicle_and_one_axis_of_stations():
+    """On the bank a car stands inclined: its highest corner is in the picture, and the panels are equally wide."""
+    from matplotlib.patches import Polygon
+
+    ford = Ford(CrossSection.read(ROOT / "examples" / "ford.csv"), 99.9, small_car(), Soil.published("LETE sand"),
+                duration=0.6)  # fmt: skip
+    run = ford.drive("coefficients")
+    figure = plot_ford(run, ford, ford_report(run, ford))
+    figure.canvas.draw()
+    side, *others = figure.axes
+    corners = np.concatenate([patch.get_xy() for patch in side.patches if isinstance(patch, Polygon)])
+    assert corners[:, 1].max() < side.get_ylim()[1] and corners[:, 0].min() > side.get_xlim()[0]
+    for axes in others:
+        assert axes.get_position().intervalx == pytest.approx(side.get_position().intervalx, abs=2e-3)
+    plt.close(figure)
 
 
 def test_too_slow_for_its_time_is_said_with_the_place(brook, tmp_path):

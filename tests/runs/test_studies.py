@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from exumob import ConstantSteer, Soil, load_vehicle, simulate
-from exumob.simulation.result_files import load_dataset
+from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.support.measured import measured_errors
 from exumob.surrogates.model import shipped_networks
 from exumob.surrogates.networks import Architecture, NetworkSet
@@ -155,6 +155,40 @@ def test_mobility_map_study_goes_in_calm_and_not_in_fast_water(tmp_path):
     assert float(speed.sel(y=0.4, x=0.0)) > 0.6 > float(speed.sel(y=0.6, x=1.2))
     assert float(result["probability"].sel(y=0.4, x=0.0)) == 1.0
     assert float(result["probability"].sel(y=0.6, x=1.2)) == 0.0
+
+
+def test_fording_study_finds_the_published_limits():
+    """A small car crosses 0.3 m of still water, as the limits allow, and floats off in 0.5 m, as they forbid.
+
+    In 0.3 m at 2 m/s they forbid it, and it crosses here all the same, 0.67 m off the line.
+    """
+    study = load_study("fording")
+    result = study.main(quick=True).squeeze("car")
+    still, side = result.sel(flow="still"), result.sel(flow="2 m/s from the side")
+    assert still["kind"].values.tolist() == ["crosses", "afloat"] and still["allowed"].values.tolist() == [True, False]
+    assert side["kind"].values.tolist() == ["crosses", "swept away"] and not side["allowed"].any()
+    assert float(still["wheel_load"][0]) == pytest.approx(0.37, abs=0.03)
+    assert abs(float(still["drift"][0])) < 0.01
+    assert float(side["drift"][0]) == pytest.approx(0.67, abs=0.1)
+    assert study.allowed("large 4x4", 0.3, 2.0) and not study.allowed("large 4x4", 0.1, 3.5)
+    assert "| small car | 0.5 | still | afloat | 13." in study.report_lines(result.expand_dims("car"))
+
+
+def test_fording_study_compares_the_models(tmp_path, monkeypatch):
+    """The lift of the networks is two fifths below that of the coefficients on the level bottom; a run joins them."""
+    study = load_study("fording")
+    monkeypatch.setenv("EXUMOB_RUNS", str(tmp_path))
+    crossed, runs = study.compared()
+    assert set(runs) == {"coefficients", "networks"}
+    lift = {}
+    for name, run in runs.items():
+        place = study.stations(run)
+        n = int(np.argmax(place > 5.0))
+        lift[name] = float(run["water_load"].sel(body="hull", axis="z")[n])
+    assert lift["coefficients"] == pytest.approx(143.0, rel=0.05) and lift["networks"] == pytest.approx(85.0, rel=0.1)
+    save_dataset(runs["coefficients"], tmp_path / study.FLOW_RUN)
+    assert "flow in the loop" in study.compared()[1]
+    assert study.plot_models(crossed, runs).axes and "| networks (crosses) |" in study.model_lines(crossed, runs)
 
 
 def test_tuned_driver_holds_the_line_better_than_an_open_loop(tmp_path):

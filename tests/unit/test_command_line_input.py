@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from exumob.__main__ import app
 from exumob.commands.options import COMMON_ANGLES, option_names, radians, taken_for_radians, with_option_names
+from exumob.commands.report import _aspects
 from exumob.commands.shared import check_targets
 from exumob.ground.soil import Soil
 from exumob.support.quantities import Quantity
@@ -328,6 +329,8 @@ NO_FORD = [
     (["--level", "100", "--speed", "0"], r"--speed = 0\.0 m/s must be > 0"),
     (["--level", "100", "--speed", "40"], r"--speed = 40\.0 m/s is outside .*--unusual"),
     (["--level", "100", "--duration", "0"], r"--duration = 0\.0 s must be"),
+    (["--level", "100", "--duration", "0.01"], r"--duration = 0\.01 s must be a whole multiple of --macro-step"),
+    (["--level", "100", "--micro-step", "0"], r"^(?!.*simulate\.).*--micro-step = 0\.0 s must be"),
     (["--level", "100", "--initial-speed", "-1"], r"--initial-speed = -1\.0 m/s must be"),
     (["--level", "100", "--density", "0"], r"--density = 0\.0 kg/m\^3 must be"),
     (["--level", "100", "--discharge", "2"], r"--discharge: the section has a current of its own"),
@@ -375,7 +378,7 @@ NO_DRIVE = [
     (["--maneuver", "straight", "--path", "line.csv"], "--maneuver and --path each say the maneuver"),
     (["--depth", "0.1", "--level", "0.1"], "--depth and --level each say the water"),
     (["--slope", "5", "--terrain", "grid.asc"], "--slope and --terrain each say the ground"),
-    (["--slope", "5", "--depth", "0.1"], "--depth goes with level ground, and --slope is none; give --level"),
+    (["--slope", "5", "--depth", "0.1"], "--depth goes with level ground, and with --slope it is not"),
     (["--section", str(FORD), "--depth-ratio", "0.5"], "--depth-ratio goes with level ground"),
     (["--section", str(FORD), "--depth", "0.2", "--current", "1"], "--current has no effect with --section"),
     (["--steering", "20"], "--steering has no effect without the lane change"),
@@ -388,8 +391,11 @@ NO_DRIVE = [
     (["--soil-value", "cohesoin=9"], "--soil-value 'cohesoin=9' is not known; use cohesion=VALUE"),
     (["--soil-value", "n=x"], "--soil-value 'n=x' holds no number"),
     (["--soil-value", "n=1", "--soil-value", "n=1"], "--soil-value n stands twice"),
-    (["--soil-value", "friction_angle=95"], "friction_angle"),
-    (["--path", "none.csv"], "none.csv does not exist"), (["--path", "far.csv"], "--path: the path comes no nearer"),
+    (["--soil-value", "friction_angle=95"], "--soil-value friction_angle = "),
+    (["--soil-value", "cohesion=-3"], "--soil-value cohesion = -3\\.0 Pa must be >= 0"),
+    (["--path", "none.csv"], "none.csv does not exist; give a table .* x \\[m\\], y \\[m\\]"),
+    (["--recorded", "."], "is a folder; give a table .* time \\[s\\]"),
+    (["--path", "far.csv"], "--path: the path comes no nearer"),
     (["--path", "bare.csv"], "column .x. names no unit; write"), (["--path", "hole.csv"], "line 3: y is missing"),
     (["--recorded", "line.csv"], "column 'x \\[m\\]' is not known here.*give time"),
     (["--recorded", "turn.csv"], "turn.csv: Recorded.steering"),
@@ -409,6 +415,20 @@ def test_what_cannot_be_driven_is_refused_in_the_options_names(arguments, text, 
     answer = call("drive", "--output", "run.nc", *arguments)
     assert answer.exit_code == 2 and re.search(text, plain(answer.output)), answer.output
     assert {file.name for file in tmp_path.iterdir()} == set(FILES)
+
+
+def test_a_section_that_is_not_there_is_named_by_its_file():
+    said = plain(call("ford", "none.csv", "--depth", "0.3").output)
+    assert said == "file none.csv does not exist; give a table of stations and bed (CSV)."
+
+
+@pytest.mark.parametrize(("text", "lines"), [
+    ("networks, measured: 1.4 % (worst 3.7 %).", 1),
+    ("coefficients, not validated: none. Elsewhere 16 %. Soil: given; 13 to 16 % off. Under water it is saturated.", 4),
+])  # fmt: skip
+def test_the_line_of_trust_has_one_aspect_a_line_and_all_its_words(text, lines):
+    shown = _aspects(text, 13)
+    assert shown.count("\n") + 1 == lines and " ".join(shown.split()) == text
 
 
 @pytest.mark.parametrize("arguments", [["sweep", "--vary", "hull.mass=49,50"], ["map"]])

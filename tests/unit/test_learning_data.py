@@ -5,14 +5,15 @@ import csv
 import numpy as np
 import pytest
 import xarray as xr
+from made_up_runs import made_up_run
 from scipy.spatial.transform import Rotation
 
 from exumob import Soil, Water, lane_change, simulate
-from exumob.learning.dataset import VARIABLES, load_runs, pack
+from exumob.learning.dataset import DOUBLE, VARIABLES, load_runs, pack
 from exumob.learning.importing import import_histories
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
 from exumob.simulation.result_files import save_dataset
-from exumob.simulation.verdict import VerdictLimits, judge
+from exumob.simulation.verdict import FURTHER, NEEDED, VerdictLimits, judge
 from exumob.vehicle.motion import BODIES
 from vehicle_models.amphibious import amphibious_vehicle
 
@@ -77,7 +78,7 @@ def test_packed_run_holds_motion_and_loads(run, tmp_path):
     save_dataset(pack(run.assign_attrs(scenario="D60/U1")), file)
     packed = load_runs([file])["D60/U1"]
     assert set(VARIABLES) < set(packed.data_vars)
-    assert all(v.dtype == (np.float64 if name == "position" else np.float32) for name, v in packed.data_vars.items())
+    assert all(v.dtype == (np.float64 if name in DOUBLE else np.float32) for name, v in packed.data_vars.items())
     assert packed["water_wrench"].values == pytest.approx(run["water_wrench"].values, rel=1e-6, abs=1e-6)
     assert "vehicle" in packed.attrs["parameters"]
     assert packed["water_wrench_smooth"].attrs["units"] == "N, N m"
@@ -99,6 +100,44 @@ def test_packed_run_keeps_its_verdict_and_can_be_judged_again(run):
     strict = VerdictLimits(stuck_share=0.9)
     assert judge(packed, strict).kind == "stuck"
     assert judge(packed, strict).since == pytest.approx(judge(run, strict).since, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("values", "kind"),
+    [
+        ({"forward": lambda t: 0.8 if t < 1.0 else 0.0, "belly": 0.4}, "bottomed"),
+        ({"forward": lambda t: 0.8 if t < 1.0 else 0.0}, "stuck"),
+        ({"load": 0.02, "height": 0.4}, "afloat"),
+        ({"height": -0.6}, "submerged"),
+        ({"lateral": 0.9, "push": (0.0, 20.0)}, "swept away"),
+        ({"lateral": 0.9, "push": (0.0, -20.0)}, "slides"),
+        ({"lateral": -0.2, "steering": -0.4, "belly": lambda t: 0.2 if 1.0 < t < 1.1 else 0.0}, "drives"),
+        ({"roll": 1.4}, "tipped"),
+        ({"sinkage": 0.95}, "sunk"),
+    ],
+)
+def test_packed_run_gets_the_verdict_of_the_run(run, values, kind):
+    """Each kind of verdict: a variable that one of them depends on is not lost."""
+    made_up = made_up_run(end=2.0, step=1e-3, **values)
+    upright = {"quaternion": (("time", "body", "q"), np.tile([1.0, 0.0, 0.0, 0.0], (len(made_up["time"]), 5, 1)))}
+    wrench = np.zeros((len(made_up["time"]), 5, 6))
+    wrench[..., :3] = made_up["water_load"].values
+    about = {"long_name": "loads of the water", "units": "N, N m"}
+    whole = made_up.assign(upright | {"water_wrench": (("time", "body", "component"), wrench, about)})
+    rest = {name: ("time", np.zeros(len(made_up["time"]))) for name in VARIABLES if name not in whole}
+    packed = pack(whole.assign(rest))
+    found, again = judge(whole), judge(packed)
+    assert found.kind == kind
+    assert (again.kind, again.sentence) == (found.kind, found.sentence)
+    assert (again.flags == found.flags).all()
+
+
+def test_verdict_depends_on_nothing_else_that_a_run_holds(run):
+    """A run without all that no verdict is said to depend on gets the same one."""
+    used = [name for name in run.data_vars if name in (*NEEDED, *FURTHER)]
+    for limits in (VerdictLimits(), VerdictLimits(stuck_share=0.9), VerdictLimits(wheel_load=0.99)):
+        whole, part = judge(run, limits), judge(run[used], limits)
+        assert (part.kind, part.sentence) == (whole.kind, whole.sentence) and (part.flags == whole.flags).all()
 
 
 def test_run_that_broke_down_is_not_packed(run):

@@ -92,6 +92,22 @@ def test_equals_points_all_over_a_tilted_hull(vehicle, spacing, turned):
     assert found == pytest.approx(by_points(vehicle, bumps, states), abs=2e-3)
 
 
+@pytest.mark.parametrize("turned", [(0.0, 0.0, 0.0), (0.4, 0.15, 0.0), (1.2, -0.1, 0.2)])
+@pytest.mark.parametrize("spacing", [(0.05, 1000.0), (0.3, 40.0), (1000.0, 0.05)])
+def test_ground_that_is_alike_across_is_as_if_given_finely(vehicle, spacing, turned):
+    """Points a kilometre apart one way, as of a cross-section: as by points all over the hull."""
+    along = 0 if spacing[0] < spacing[1] else 1
+    ends = [round(4.0 / step) if step < 1.0 else 1 for step in spacing]
+    low = [-2.0 if step < 1.0 else -0.4 * step for step in spacing]
+    places = [start + step * np.arange(count + 1) for start, step, count in zip(low, spacing, ends, strict=True)]
+    rise = 0.08 * np.cos(3.0 * places[along])
+    heights = np.tile(rise, (2, 1)) if along == 0 else np.tile(rise[:, None], (1, 2))
+    ground = Terrain(heights=heights, origin=tuple(low), spacing=spacing)
+    states = standing(vehicle, [(0.137, -0.241)], turned, raised=0.05)
+    found = keel_clearance(vehicle, ground, states)[0]
+    assert found == pytest.approx(by_points(vehicle, ground, states), abs=2e-3)
+
+
 def test_clearance_of_a_mesh(vehicle, tmp_path):
     trimesh = pytest.importorskip("trimesh")
     bowl = trimesh.creation.icosphere(3)

@@ -436,6 +436,25 @@ def test_standing_still_is_a_run(vehicle, sand):
 
 FIELD = Terrain(heights=np.zeros((3, 3)), origin=(-4.0, -4.0), spacing=4.0)
 OWN = Scripted()
+
+
+class NoFlow:
+    """The smallest flow code."""
+
+    def start(self, vehicle, water, poses, time): ...
+
+    def advance(self, time, poses):
+        return np.zeros((len(poses.position), 6))
+
+    def save(self):
+        return {}
+
+    def restore(self, saved): ...
+
+    def report(self):
+        return {}
+
+
 WATER_FIELD = Water(field=WaterField(np.zeros((3, 3)), origin=(-4.0, -4.0), spacing=4.0))
 
 
@@ -447,9 +466,12 @@ WATER_FIELD = Water(field=WaterField(np.zeros((3, 3)), origin=(-4.0, -4.0), spac
         ({"water": Water(0.1), "terrain": Terrain.slope(0.1)}, r"Water\(level=...\), which lies above 0 m"),
         ({"water": Water(level=0.1), "hydrodynamics": OWN}, "Scripted knows water of one depth.*set_bed"),
         ({"water": Water(0.1), "terrain": Terrain(2.0), "hydrodynamics": OWN}, "level ground at z = 0 only.*set_bed"),
-        ({"water": Water(level=0.1), "terrain": FIELD, "hydrodynamics": CfdHydrodynamics()},
-         "the flow in the loop .* knows water of one depth"),
-        ({"water": Water(0.1), "start": (5.0, 0.0, 0.0), "hydrodynamics": CfdHydrodynamics()}, "simulate.start"),
+        ({"water": Water(level=0.1), "terrain": FIELD, "hydrodynamics": CfdHydrodynamics(NoFlow())},
+         r"the flow in the loop \(NoFlow\) knows water of one depth.*set_bed"),
+        ({"water": Water(0.1), "terrain": Terrain(2.0), "hydrodynamics": CfdHydrodynamics(NoFlow())},
+         r"simulate.terrain: the flow in the loop \(NoFlow\) knows water over level ground.*set_bed"),
+        ({"water": Water(0.1), "start": (5.0, 0.0, 0.0), "hydrodynamics": CfdHydrodynamics(NoFlow())},
+         "simulate.start: .*NoFlow.*world's origin"),
         ({"water": WATER_FIELD, "start": (3.8, 0.0, 0.0)}, "field of water reaches from x = -4 to 4 m.*WaterField"),
         ({"water": WATER_FIELD, "start": (900.0, 0.0, 0.0)}, "WaterField.origin is the place"),
         ({"terrain": FIELD, "start": (0.0, 3.9, 1.6)}, "field of heights reaches.*the vehicle at its start"),

@@ -1,11 +1,10 @@
-"""Sweeps before anything runs: what makes two the same, and which values are refused."""
+"""Sweeps before anything runs: what makes two the same, and what is kept of them."""
 
 import errno
 import functools
 import importlib
 import json
 import os
-import re
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,14 +16,11 @@ import pytest
 import xarray as xr
 
 from exumob.driving.maneuver import Recorded
-from exumob.flow.output.vtk import VtkSeries
-from exumob.support.files import require_folder_name
 from exumob.support.identity import digest, identity
-from exumob.sweeps import case_store, sweep, tune
-from exumob.sweeps.case_rows import case_text, fault_of_result
+from exumob.sweeps import case_store, sweep
+from exumob.sweeps.case_rows import case_text
 from exumob.sweeps.case_store import CaseStore, StorageError
 from exumob.sweeps.experiment import amphibious_lane_change
-from exumob.sweeps.run import _check_cases
 from exumob.vehicle.point_force import PointForce
 from exumob.water.hydrodynamics import NoWater
 
@@ -444,102 +440,6 @@ def test_too_few_files_are_found_beforehand(tmp_path, monkeypatch):
         prepare(tmp_path / "sweep", square, CASES)
 
 
-# -- what is asked for -------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("change, word", [
-    ({"function": 3}, "sweep.function = 3 must be a function"),
-    ({"cases": []}, "sweep.cases is empty"), ({"cases": {"x": 1}}, "sweep.cases is a dict; give a list of dicts"),
-    ({"cases": [3]}, "case 0 is 3; give a dict"), ({"cases": "abc"}, "sweep.cases is a str"),
-    ({"cases": iter(CASES)}, "sweep.cases is a list_iterator"), ({"cases": [{}, {"x": 1}]}, "case 1 has the names"),
-    ({"cases": [{"a b": 1}]}, "'a b' cannot be the name"), ({"cases": [{"status": 1}]}, "'status' cannot be the name"),
-    ({"cases": [{3: 1}]}, "3 cannot be the name"), ({"folder": None}, "sweep.folder = None"),
-    ({"workers": 1.5}, "sweep.workers = 1.5 must be a whole number"), ({"workers": 0}, "sweep.workers = 0"),
-    ({"workers": True}, "sweep.workers = True"), ({"workers": 10**400}, "sweep.workers = 10"),
-    ({"time_limit": 0.0}, "sweep.time_limit = 0.0"), ({"time_limit": "5"}, "sweep.time_limit = '5'"),
-    ({"time_limit": float("nan")}, "sweep.time_limit = nan"), ({"again": "killed"}, "sweep.again = 'killed'"),
-    ({"again": ["kiled"]}, "'kiled' is no status"), ({"keep_runs": 1}, "sweep.keep_runs = 1"),
-    ({"progress": 3}, "sweep.progress = 3"),
-])  # fmt: skip
-def test_bad_arguments_are_named(change, word, tmp_path):
-    with pytest.raises(ValueError, match=word):
-        sweep(**({"function": square, "cases": CASES, "folder": tmp_path / "sweep"} | change))
-    assert not (tmp_path / "sweep").exists()
-
-
-NAN, INF = float("nan"), float("inf")
-
-
-@pytest.mark.parametrize("name, bad", [
-    ("hull.mass", [-1.0, NAN, INF, "heavy", None, True, [49.0], 10**400, 1e6]),
-    ("water.current_direction", [180.0, NAN, "west"]),
-    ("water.density", [1.0, 0.0]),
-    ("water.depth_ratio", [-0.5, NAN, "deep", True]),
-    ("soil", ["LETE sandd", 3, None]),
-    ("soil.shear_modulus_x", [12.0]),
-    ("maneuver", ["slalom", 3]),
-    ("maneuver.speed", [NAN, "fast"]),
-    ("hydrodynamics", ["magic", 3]),
-    ("hydrodynamics.member", [-1, 1.5, "first", True]),
-    ("setting", ["slow", 3]),
-    ("duration", [0.0, -1.0, NAN, "8 s", 1e9]),
-    ("micro_step", [0.0, "small"]),
-    ("hull.mesh", ["no_such_file.stl", 3]),
-    ("hull.inertia", [(1.0, 2.0), "round"]),
-    ("steering.geometry", ["bent", 1.0]),
-])  # fmt: skip
-def test_every_value_is_checked_before_anything_runs(name, bad, tmp_path):
-    """The last of many, whatever the others are; the message names the field."""
-    experiment = amphibious_lane_change()
-    good = experiment.value(name)
-    for value in bad:
-        cases = [{name: good}] * 50 + [{name: value}]
-        with pytest.raises(ValueError, match=name.rpartition(".")[2].removesuffix("_ratio")):
-            sweep(experiment, cases, tmp_path / "sweep")
-    assert not (tmp_path / "sweep").exists()
-
-
-def test_last_of_many_values_is_looked_at():
-    cases = [{"hull.mass": 50.0 + 1e-3 * n, "soil.cohesion": 1000.0 + 0.1 * n} for n in range(30_000)]
-    _check_cases(amphibious_lane_change(), cases)
-    for bad in (-1.0, float("nan")):
-        with pytest.raises(ValueError, match=f"mass = {bad}"):
-            _check_cases(amphibious_lane_change(), [*cases, {"hull.mass": bad, "soil.cohesion": 1000.0}])
-
-
-def test_values_that_belong_together_change_together():
-    """A wider hull needs a wider track; each alone is refused, and so is a combination: as a row, with a warning."""
-    base = amphibious_lane_change()
-    both = {"hull.width": 0.6, "track": 0.9}
-    assert base.with_values(both).vehicle.track == 0.9
-    with pytest.raises(ValueError, match=r"Vehicle\.track"):
-        base.with_values({"hull.width": 0.6})
-
-
-def test_combinations_that_do_not_fit_become_rows_with_a_warning(caplog):
-    base = amphibious_lane_change()
-    cases = [{"hull.width": width, "track": 0.66} for width in (0.6, 0.44, 0.4)]
-    assert _check_cases(base, cases) == cases[1]
-    assert "1 of 3 cases cannot be run" in caplog.text and "hull.width = 0.6" in caplog.text
-    with pytest.raises(ValueError, match=r"Vehicle\.track"):
-        _check_cases(base, cases[:1])
-    with pytest.raises(ValueError, match="say the same"):
-        _check_cases(base, [{"water.depth": 0.1, "water.depth_ratio": 0.5}])
-    with pytest.raises(ValueError, match="must be a whole multiple"):
-        _check_cases(base, [{"macro_step": 0.0103}])
-
-
-@pytest.mark.parametrize("found, word", [
-    (None, "returned NoneType"), (3.0, "returned float"), ({3: 1.0}, "3 has no proper name"),
-    ({"a/b": 1.0}, "no proper name"), ({"x": 1.0}, "taken by a parameter"), ({"status": 1.0}, "taken by"),
-    ({"y": [1.0, 2.0]}, "is not a number"), ({"y": None}, "is not a number"), ({"y": 10**400}, "is not a number"),
-    ({"y": 1j}, "is not a number"),
-])  # fmt: skip
-def test_results_of_a_wrong_kind_are_named(found, word):
-    assert word in fault_of_result(found, ["x"])
-    assert not fault_of_result({"y": np.float32(1.0), "word": "drives", "z": float("nan")}, ["x"])
-
-
 # -- forces of the user's own ------------------------------------------------------------------------------------------
 
 TOWING = """
@@ -630,24 +530,3 @@ def test_a_class_whose_types_are_not_there_declares_nothing(written):
     assert experiment.declaration("forces.0.force.stiffness") is None
     assert experiment.meaning("forces.0.force.stiffness") == ("1", "forces.0.force.stiffness")
     assert experiment.typed({"forces.0.force.stiffness": 3.0}) == {"forces.0.force.stiffness": 3.0}
-
-
-# -- names of folders --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["sweep.nc", "sweep.NC", "sweep.csv", "run.npz", "map.png", "study.toml"])
-def test_a_folder_with_the_name_of_a_file_is_refused(name, tmp_path):
-    calls = {
-        "sweep.folder": lambda: sweep(square, [{"x": 1.0}], tmp_path / name),
-        "tune.folder": lambda: tune(
-            amphibious_lane_change(), {"hull.mass": (45.0, 50.0)}, square, tmp_path / name
-        ),
-        "VtkSeries.folder": lambda: VtkSeries(tmp_path / name, amphibious_lane_change().vehicle),
-    }  # fmt: skip
-    for said, call in calls.items():
-        with pytest.raises(ValueError, match=rf"{said} .*{re.escape(name)}: this is to be a folder, and"):
-            call()
-    assert not list(tmp_path.iterdir())
-    require_folder_name("folder", tmp_path / "cohesion_0.5")
-    (tmp_path / "old.nc").mkdir()
-    require_folder_name("folder", tmp_path / "old.nc")  # it goes on there

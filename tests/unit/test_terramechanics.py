@@ -347,3 +347,45 @@ def test_degenerate_maximum_pressure_angle(c1, c2):
     soil = replace(LETE, c1=c1, c2=c2)
     for v_x, omega in ((0.5, 5.0), (0.5, 10.0), (0.5, 3.0), (0.5, 0.0), (0.0, 5.0)):
         assert np.isfinite(vector(forces((v_x, 0.1, 0.0), omega, soil=soil))).all()
+
+
+# -- deep wheels run ahead of their tread ------------------------------------------------------------------------------
+
+
+def carried(soil, load, slip, radius=0.3, width=0.185, spin=5.0):
+    """Forces on a wheel that carries a load [N] at a slip ratio, and its speed [m/s]."""
+    speed = radius * spin * (1.0 - slip) if slip >= 0.0 else radius * spin / (1.0 + slip)
+
+    def lacking(sinkage):
+        return wheel_soil_forces(soil, radius, width, sinkage, (speed, 0.0, 0.0), spin).force[2] - load
+
+    sinkage = brentq(lacking, 1e-6, 0.99 * radius, xtol=1e-12)
+    return wheel_soil_forces(soil, radius, width, sinkage, (speed, 0.0, 0.0), spin), speed
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"), [("Upland sandy loam 51 %", -0.077), ("LETE sand", 0.031), ("Heavy clay 25 %", None)]
+)
+def test_slip_of_a_wheel_that_pulls_nothing(name, expected):
+    """A rim that is longer than the ground it covers may run behind its axle, but never without being driven.
+
+    Without pull the axle still gives power, all of which the soil takes.
+    """
+    soil = Soil.published(name)
+    slip = brentq(lambda s: carried(soil, 2600.0, s)[0].force[0], -0.3, 0.5)
+    forces, _ = carried(soil, 2600.0, slip)
+    assert forces.driving_torque > 0.0
+    if expected is not None:
+        assert slip == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("name", ["Upland sandy loam 51 %", "LETE sand", "Heavy clay 25 %"])
+def test_rim_that_covers_its_chord_leaves_the_soil_where_it_met_it(name):
+    """At that slip the shear displacement is 0 at both ends of the patch, and forward everywhere between."""
+    soil, radius, spin = Soil.published(name), 0.3, 5.0
+    theta = math.acos(1.0 - 0.2)
+    speed = radius * spin * theta / math.sin(theta)
+    found = contact_stresses(soil, radius, 0.185, 0.2 * radius, (speed, 0.0, 0.0), spin)
+    assert found.shear_x[0] == pytest.approx(0.0, abs=1e-6 * found.shear_x.max())
+    assert found.shear_x[-1] == pytest.approx(0.0, abs=1e-6 * found.shear_x.max())
+    assert found.shear_x[1:-1].min() > 0.0 and found.shear_x.max() > 0.1 * found.normal.max()

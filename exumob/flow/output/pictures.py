@@ -37,6 +37,7 @@ COLORS = "RdBu_r"
 HULL_COLOR = (0.95, 0.72, 0.25)
 WHEEL_COLORS = (0.22, 0.22, 0.24), (0.34, 0.34, 0.37)
 CUT_COLOR = (0.42, 0.58, 0.70)
+BED_COLOR = (0.76, 0.66, 0.50)
 LIGHT = (-0.5, 0.55, 1.0)
 
 
@@ -79,11 +80,13 @@ class SurfaceView:
                 f"SurfaceView.extent = {extent} hull lengths holds {self.data.sizes['x']} by {self.data.sizes['y']} "
                 "cells; show more of the water."
             )
-        self.depth = water_depth(dataset)
+        self.level = still_level(dataset)
+        beds = self.data["bed_elevation"].values + self.level if "bed_elevation" in self.data else np.zeros(1)
+        self.lowest = float(beds.min()) - (0.05 * length if "bed_elevation" in self.data else 0.0)
         self.scale = Normalize(*_limits(self.data["elevation"].values, range_mm))
         x, y = self.data["x"].values[[0, -1]], self.data["y"].values[[0, -1]]
-        top = self.depth + 0.5e-3 * float(self.scale.vmax or 0.0)
-        corners = np.array([[a, b, c] for a in x for b in y for c in (0.0, top)])
+        top = max(self.level + 0.5e-3 * float(self.scale.vmax or 0.0), float(beds.max()))
+        corners = np.array([[a, b, c] for a in x for b in y for c in (self.lowest, top)])
         middle, away = corners.mean(axis=0), 4.0 * length
         flat = away * math.cos(height)
         eye = middle + np.array([-flat * math.cos(azimuth), -flat * math.sin(azimuth), away * math.sin(height)])
@@ -96,7 +99,7 @@ class SurfaceView:
 
     def image(self, index: int) -> Array:
         """Draw one snapshot, shape (height, width, 3), 0 to 1."""
-        parts = [self._water(index), self._cut(index), *self._vehicle(index)]
+        parts = [self._water(index), *self._bed(index), *self._cut(index), *self._vehicle(index)]
         return render(np.concatenate([t for t, _ in parts]), np.concatenate([c for _, c in parts]), self.camera)
 
     def mappable(self) -> ScalarMappable:
@@ -108,7 +111,22 @@ class SurfaceView:
         elevation = self.data["elevation"].values[index].astype(float)
         filled = fill_masked(elevation, 2)
         x, y = np.meshgrid(self.data["x"].values, self.data["y"].values)
-        return np.stack([x, y, filled + self.depth], axis=-1), filled
+        return np.stack([x, y, filled + self.level], axis=-1), filled
+
+    def _ground(self, index: int) -> Array:
+        """Points (ny, nx, 3) of the bed."""
+        x, y = np.meshgrid(self.data["x"].values, self.data["y"].values)
+        if "bed_elevation" not in self.data:
+            return np.stack([x, y, np.zeros_like(x)], axis=-1)
+        return np.stack([x, y, self.data["bed_elevation"].values[index] + self.level], axis=-1)
+
+    def _bed(self, index: int) -> list[tuple[Array, Array]]:
+        """The surface of a given bed; a flat one is not seen."""
+        if "bed_elevation" not in self.data:
+            return []
+        triangles = _quads(self._ground(index))
+        colors = lit(np.array(BED_COLOR), normals_of(triangles), triangles.mean(axis=1), self.camera, LIGHT)
+        return [(triangles, np.repeat(colors[:, None], 3, axis=1))]
 
     def _water(self, index: int) -> tuple[Array, Array]:
         points, elevation = self._surface(index)
@@ -121,16 +139,25 @@ class SurfaceView:
         shaded = lit(plain, normals, points, self.camera, LIGHT, shine=0.35)
         return _quads(points), _quads(shaded)
 
-    def _cut(self, index: int) -> tuple[Array, Array]:
-        """The four sides of the block of water that is shown, down to the bed."""
-        points, _ = self._surface(index)
-        sides = []
-        for edge in (points[0], points[:, -1], points[-1, ::-1], points[::-1, 0]):
-            bed = edge * np.array([1.0, 1.0, 0.0])
-            sides.append(_quads(np.stack([bed, edge])))
-        triangles = np.concatenate(sides)
-        colors = lit(np.array(CUT_COLOR), normals_of(triangles), triangles.mean(axis=1), self.camera, (-1.0, -0.3, 0.4))
-        return triangles, np.repeat(colors[:, None], 3, axis=1)
+    def _cut(self, index: int) -> list[tuple[Array, Array]]:
+        """The four sides of the block that is shown: water down to the bed, and the ground of a given one."""
+        surface, _ = self._surface(index)
+        ground = self._ground(index)
+        water, soil = [], []
+        for side in (np.s_[0], np.s_[:, -1], np.s_[-1, ::-1], np.s_[::-1, 0]):
+            top, bed = surface[side], ground[side]
+            water.append(_quads(np.stack([bed, np.where(top[:, 2:] >= bed[:, 2:], top, bed)])))
+            foot = bed.copy()
+            foot[:, 2] = self.lowest
+            soil.append(_quads(np.stack([foot, bed])))
+        parts = [(water, CUT_COLOR)] + ([(soil, BED_COLOR)] if "bed_elevation" in self.data else [])
+        found = []
+        for sides, color in parts:
+            triangles = np.concatenate(sides)
+            normals, middles = normals_of(triangles), triangles.mean(axis=1)
+            colors = lit(np.array(color), normals, middles, self.camera, (-1.0, -0.3, 0.4))
+            found.append((triangles, np.repeat(colors[:, None], 3, axis=1)))
+        return found
 
     def _vehicle(self, index: int) -> list[tuple[Array, Array]]:
         rotation = Rotation.from_quat(
@@ -160,9 +187,10 @@ def fill_masked(values: Array, cells: int) -> Array:
     return np.where(away <= cells + 0.5, values[j, i], np.nan)
 
 
-def water_depth(dataset: xr.Dataset) -> float:
-    """Return the depth of the still water in a run [m]."""
-    return float(json.loads(dataset.attrs["parameters"])["water"]["Water"]["depth"])
+def still_level(dataset: xr.Dataset) -> float:
+    """Return the height of the still water in a run with snapshots [m]; in older files it is the depth."""
+    kept = dataset["elevation"].attrs.get("still_level")
+    return float(json.loads(dataset.attrs["parameters"])["water"]["Water"]["depth"] if kept is None else kept)
 
 
 def _quads(values: Array) -> Array:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from exumob.flow.grid import HALO, Grid
 from exumob.flow.poses import Poses
@@ -15,7 +17,7 @@ from exumob.support.arrays import Array
 from exumob.support.rotations import about_z
 from exumob.vehicle.motion import BODIES, quaternions
 
-SNAPSHOT_VARIABLES = ("elevation", "frame", "snapshot_position", "snapshot_quaternion")
+SNAPSHOT_VARIABLES = ("elevation", "bed_elevation", "frame", "snapshot_position", "snapshot_quaternion")
 """Names of the variables of `snapshots_dataset`."""
 
 
@@ -33,12 +35,22 @@ class Snapshot:
     """Positions of the bodies' origins, grid axes [m], shape (n, 3)"""
     rotation: Array
     """Rotation matrices, body to grid axes, shape (n, 3, 3)"""
+    level: float = 0.0
+    """Height of the still surface, z [m]"""
+    bed: NDArray[np.float32] | None = None
+    """Height of a given bed above the still level [m], single precision, shape (ny, nx)"""
 
     @classmethod
     def of(cls, solver: FlowSolver, poses: Poses) -> Snapshot:
         """Take a snapshot of what the solver holds now, with the solids at `poses`."""
-        frame = solver.frame
-        return cls(solver.time, surface_elevation(solver), frame, *in_grid_axes(poses, frame))
+        frame, bed = solver.frame, None
+        if solver.has_given_bed:
+            bed = np.asarray(solver.bed_height() - solver.level, np.float32)
+        return cls(solver.time, surface_elevation(solver), frame, *in_grid_axes(poses, frame), solver.level, bed)
+
+    def state(self) -> dict[str, Any]:
+        """Return it as plain numbers and arrays."""
+        return {name: value for name, value in vars(self).items() if value is not None}
 
 
 def snapshots_dataset(grid: Grid, snapshots: Sequence[Snapshot]) -> xr.Dataset:
@@ -46,10 +58,12 @@ def snapshots_dataset(grid: Grid, snapshots: Sequence[Snapshot]) -> xr.Dataset:
     m = grid.metrics
     y, x = m.yc[HALO:-HALO], m.xc[HALO:-HALO]
     text = "free surface above the still level; NaN where a solid pierces it"
-    return xr.Dataset(
+    beds = [s.bed for s in snapshots if s.bed is not None]
+    found = xr.Dataset(
         {
             "elevation": (
-                ("snapshot", "y", "x"), np.stack([s.elevation for s in snapshots]), {"units": "m", "long_name": text}
+                ("snapshot", "y", "x"), np.stack([s.elevation for s in snapshots]),
+                {"units": "m", "long_name": text, "still_level": snapshots[0].level},
             ),
             "frame": (
                 ("snapshot", "frame_component"), np.stack([s.frame for s in snapshots]),
@@ -76,6 +90,10 @@ def snapshots_dataset(grid: Grid, snapshots: Sequence[Snapshot]) -> xr.Dataset:
             "frame_component": ["x", "y", "yaw"],
         },
     )  # fmt: skip
+    if len(beds) == len(snapshots):
+        attrs = {"units": "m", "long_name": "bed above the still level; negative where there is water"}
+        found["bed_elevation"] = (("snapshot", "y", "x"), np.stack(beds), attrs)
+    return found
 
 
 def in_grid_axes(poses: Poses, frame: Array) -> tuple[Array, Array]:
@@ -109,4 +127,4 @@ def surface_elevation(solver: FlowSolver) -> Array:
     height = np.where(here, np.where(dry, below, np.nan), surface)
     over = solver.grid.z_faces[np.minimum(highest + 1, nz)] + above
     height = np.where(here & (above > 0.5 * widths[np.minimum(highest + 1, nz - 1)]), over, height)
-    return (height - solver.water.uniform_depth).astype(np.float32)
+    return (height - solver.level).astype(np.float32)

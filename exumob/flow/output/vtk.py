@@ -144,7 +144,7 @@ def surface_triangles(solver: FlowSolver) -> tuple[Array, np.ndarray, Array]:
     triangles = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
     triangles = triangles[(triangles >= 0).all(axis=1)]
     height = elevation[known]
-    return np.stack([x[known], y[known], height + solver.water.uniform_depth], axis=1), triangles, height
+    return np.stack([x[known], y[known], height + solver.level], axis=1), triangles, height
 
 
 def write_rectilinear(file: Path, x: Array, y: Array, z: Array, cell_data: Fields, field_data: Fields) -> None:
