@@ -305,9 +305,9 @@ class TimeStep:
         self.far_field.fill_fraction(fraction)
 
     def _return_volume(self, step: Step) -> None:
-        """Even out what the motion of the solids has added to the water; nothing while they rest in the grid."""
+        """Even out, over a flat bed, what the motion of the solids and their refilling have added to the water."""
         fraction, bodies, regions = step.new.fraction, self.placement.bodies, step.solids.regions
-        if not len(regions):
+        if not len(regions) or self.placement.bed is not None:  # a given bed refills cells of its own
             return
         left = surface_at_solids.closed_content(fraction, bodies, regions, self.metrics).sum(axis=1)
         closed = surface_at_solids.closed_content(self._full, bodies, regions, self.metrics).sum(axis=1)
