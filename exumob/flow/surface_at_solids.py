@@ -184,9 +184,9 @@ def fill_open_part(
         for j in prange(j0, j1):
             for k in range(k0, k1):
                 for i in range(i0, i1):
-                    changed[j, k, i] = 0.0
                     if o.nearest[j, k, i] != n:
                         continue
+                    changed[j, k, i] = 0.0
                     share = open_share(o, j, k, i)
                     if share >= 1.0 or share <= SMALL_SHARE:
                         continue
