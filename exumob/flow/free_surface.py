@@ -347,9 +347,8 @@ def remove_dilatation(fraction: Array, sweeps: Sweeps, metrics: Metrics) -> None
 
 
 def transport(
-    fraction: Array, sweeps: Sweeps, order: tuple[int, int, int], metrics: Metrics,
-    complete: Callable[[Array, Sweeps, int | None], None],
-) -> None:  # fmt: skip
+    fraction: Array, sweeps: Sweeps, order: tuple[int, int, int], metrics: Metrics, fill: Callable[[Array], None]
+) -> None:
     """Carry the fraction over one step.
 
     Parameters
@@ -360,14 +359,13 @@ def transport(
     order : three ints
         Axes of the sweeps in turn (changed from step to step).
     metrics : Metrics
-    complete : callable
-        ``complete(fraction, sweeps, axis)`` does what is to be done at solids, and sets the halo, after each sweep and,
-        with None for the axis, at the end.
+    fill : callable
+        ``fill(fraction)`` sets the halo after each sweep.
     """
     orient(fraction, sweeps)
     for axis in order:
         sweep_fluxes(fraction, sweeps, axis, metrics)
         sweep_update(fraction, sweeps, axis, metrics)
-        complete(fraction, sweeps, axis)
+        fill(fraction)
     remove_dilatation(fraction, sweeps, metrics)
-    complete(fraction, sweeps, None)
+    fill(fraction)

@@ -216,10 +216,12 @@ class TimeStep:
         step.solids = solids = self.placement.solids
         o = self.placement.area_fractions
         new.fraction[:], new.eta_y[:] = step.old.fraction, step.old.eta_y
-        given = surface_at_solids.refill_solids(
+        step.given = content + surface_at_solids.release_surface(
+            new.fraction, self._scratch, o, solids, step.grid_velocity, step.dt, self.metrics
+        )
+        step.given += surface_at_solids.refill_solids(
             new.fraction, o.distance, solids.regions, self.metrics, self.settings.refill_depth
         )
-        step.given = given + content
         if bed is not None:
             bed.refill(new.fraction, o)
         self.far_field.fill_fraction(new.fraction)
@@ -284,25 +286,10 @@ class TimeStep:
             self._orientation, self._scratch,
         )  # fmt: skip
         order = SWEEPS[step.old.steps % len(SWEEPS)]
-        free_surface.transport(
-            new.fraction, sweeps, order, self.metrics,
-            lambda fraction, sweeps, axis: self._complete_sweep(fraction, sweeps, axis, step),
-        )  # fmt: skip
+        free_surface.transport(new.fraction, sweeps, order, self.metrics, far_field.fill_fraction)
         self._return_volume(step)
         added = far_field.relax_level(new.fraction, new.eta_y, step.dt)
         new.volume_added = step.old.volume_added + added
-
-    def _complete_sweep(self, fraction: Array, sweeps: free_surface.Sweeps, axis: int | None, step: Step) -> None:
-        """Fill the open part of cells at solids, and set the halo, after a sweep along `axis` (None: the last)."""
-        bodies, solids = self.placement.bodies, step.solids
-        if axis is None:
-            surface_at_solids.settle_open_part(fraction, sweeps, bodies, solids, self.metrics, step.given)
-        else:
-            changed = self._change[0]
-            surface_at_solids.fill_open_part(
-                fraction, changed, sweeps, axis, bodies, solids, step.grid_velocity, self.metrics, step.given
-            )
-        self.far_field.fill_fraction(fraction)
 
     def _return_volume(self, step: Step) -> None:
         """Even out, over a flat bed, what the motion of the solids and their refilling have added to the water."""

@@ -13,7 +13,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from exumob.flow.area_fractions import AreaFractions, distance_gradient
-from exumob.flow.free_surface import EMPTY, Sweeps
+from exumob.flow.free_surface import EMPTY
 from exumob.flow.grid import HALO, GridVelocity, Metrics
 from exumob.flow.poses import PlacedSolids, body_velocity, cells_near
 from exumob.support.arrays import Array
@@ -21,8 +21,6 @@ from exumob.support.kernels import njit
 
 LEAST_SHARE = 1.0e-6
 """Open share of a cell below which it counts as closed [-]."""
-SMALL_SHARE, LARGE_SHARE = 0.1, 0.3
-"""Open share below which the fraction of a cell follows the water beside it, and from which it is its own [-]."""
 ROUND_OFF = 1.0e-13
 """Change of the fraction below which the volume counts as right [-]."""
 LARGEST_RETURN = 0.1
@@ -124,61 +122,40 @@ def refill_solids(
     return given
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _own_part(share: float) -> float:
-    """How much more the water that passes the wall changes the fraction of a cell than that of a full one [-]."""
-    return (1.0 / share - 1.0) * min((share - SMALL_SHARE) / (LARGE_SHARE - SMALL_SHARE), 1.0)
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _past_wall(
-    passing: float, donor_low: float, donor_high: float, flux: float, wall: float, dt: float
-) -> tuple[float, float]:
-    """Water that passes a face relative to the wall, per face area [m], and the velocity with which it does [m/s].
-
-    `passing`: velocity on the full face relative to the grid [m/s], `flux` what of water passes with it [m], `wall`:
-    velocity of the wall relative to the grid [m/s], `donor_low`, `donor_high`: fractions before and behind the face.
-    """
-    relative = passing - wall
-    if passing * relative > 0.0:
-        return flux * (relative / passing), relative
-    return dt * relative * (donor_low if relative > 0.0 else donor_high), relative
-
-
 @njit(cache=True, error_model="numpy", parallel=True)
-def fill_open_part(
-    fraction: Array, changed: Array, sweeps: Sweeps, axis: int, bodies: AreaFractions, solids: PlacedSolids,
-    grid_velocity: GridVelocity, metrics: Metrics, given: Array,
-) -> None:  # fmt: skip
-    """After one sweep: what passed the walls filled or emptied the open part of a partly closed cell, not all of it.
+def release_surface(
+    fraction: Array, changed: Array, area_fractions: AreaFractions, solids: PlacedSolids, grid_velocity: GridVelocity,
+    dt: float, metrics: Metrics,
+) -> Array:  # fmt: skip
+    """Correct the fraction of partly closed cells for the motion of the solid along its own wall.
 
-    The sweeps carry the fraction on full cells with the velocity beta u + (1 - beta) u_s. Of it the wall's own u_s
-    shifts the fraction as it stands, while the water that passes the wall, beta (u - u_s), has only the open share of
-    the cell for its own. This function adds the difference, 1 / share - 1 times the change by the latter. Then solids
-    at rest leave the sum of open share times fraction as it is, and a wall that slides along itself leaves the surface
-    where it is. Cells hardly open would overflow in a step; they are left to `refill_solids` and `return_volume`.
+    The transport carries the fraction of a cell with the solid's velocity in the share of the cell that the solid
+    closes. Where a wall slides along itself, past a surface that stays, this share would drag the surface along and
+    draw water out of the open part. This function takes that part of the transport back: the closed share of the cell
+    times the change of the fraction along the wall, upwind. The motion of the wall through itself, which does displace
+    water, is left in.
 
     Parameters
     ----------
     fraction : array, changed
         [-]
     changed : array
-        Work space, 0.
-    sweeps : Sweeps
-        With the fluxes of this sweep.
-    axis : int
-        Of the sweep: 0 x, 1 y, 2 z.
-    bodies : AreaFractions
-        Of the solids alone: a given bed is at rest like the water, whatever the grid does.
+        Work space.
+    area_fractions : AreaFractions
     solids : PlacedSolids
+        Not the bed: it is at rest like the water, whatever the grid does.
     grid_velocity : GridVelocity
+    dt : float
+        [s]
     metrics : Metrics
-    given : array, shape (n, ny), changed
-        Volume on full cells that this adds near each solid, by rows [m^3].
+
+    Returns
+    -------
+    array, shape (n, ny)
+        Volume on full cells given near each solid, by rows [m^3].
     """
-    o, regions, dt = bodies, solids.regions, sweeps.dt
-    begin, flux, passing = sweeps.begin, sweeps.flux, sweeps.relative[axis]
-    a, b, c = axis == 1, axis == 2, axis == 0
+    o, regions = area_fractions, solids.regions
+    given = np.zeros((len(regions), fraction.shape[0]))
     for n in range(len(regions)):
         (j0, j1), (k0, k1), (i0, i1) = cells_near(regions, n, fraction.shape)
         for j in prange(j0, j1):
@@ -186,62 +163,48 @@ def fill_open_part(
                 for i in range(i0, i1):
                     if o.nearest[j, k, i] != n:
                         continue
-                    changed[j, k, i] = 0.0
                     share = open_share(o, j, k, i)
-                    if share >= 1.0 or share <= SMALL_SHARE:
+                    if not 0.001 <= share <= 0.999:
                         continue
-                    ux, uy, uz = body_velocity(  # a component does not depend on the place along its own axis
-                        solids, n, metrics.xc[i] - solids.position[n, 0], metrics.yc[j] - solids.position[n, 1],
+                    c = fraction[j, k, i]
+                    changed[j, k, i] = c
+                    gx, gy, gz = distance_gradient(o.distance, j, k, i, metrics)
+                    norm = math.sqrt(gx * gx + gy * gy + gz * gz)
+                    if norm < 1e-6:
+                        continue
+                    gx, gy, gz = gx / norm, gy / norm, gz / norm
+                    x, y = metrics.xc[i], metrics.yc[j]
+                    ux, uy, uz = body_velocity(
+                        solids, n, x - solids.position[n, 0], y - solids.position[n, 1],
                         metrics.zc[k] - solids.position[n, 2],
                     )  # fmt: skip
-                    if axis == 0:
-                        wall, width = ux - (grid_velocity.x - grid_velocity.yaw_rate * metrics.yc[j]), metrics.dx[i]
-                    elif axis == 1:
-                        wall, width = uy - (grid_velocity.y + grid_velocity.yaw_rate * metrics.xc[i]), metrics.dy[j]
+                    ux -= grid_velocity.x - grid_velocity.yaw_rate * y
+                    uy -= grid_velocity.y + grid_velocity.yaw_rate * x
+                    through = ux * gx + uy * gy + uz * gz
+                    ux, uy, uz = ux - through * gx, uy - through * gy, uz - through * gz
+                    if ux > 0.0:
+                        slope = ux * (fraction[j, k, i + 1] - c) / metrics.ex[i + 1]
                     else:
-                        wall, width = uz, metrics.dz[k]
-                    here = fraction[j, k, i]
-                    before, after = fraction[j - a, k - b, i - c], fraction[j + a, k + b, i + c]
-                    low, slow = _past_wall(passing[j, k, i], before, here, flux[j, k, i], wall, dt)
-                    high, fast = _past_wall(
-                        passing[j + a, k + b, i + c], here, after, flux[j + a, k + b, i + c], wall, dt
-                    )
-                    change = low - high + (dt * (fast - slow) if begin[j, k, i] >= 0.5 else 0.0)
-                    changed[j, k, i] = _own_part(share) * change / width
+                        slope = ux * (c - fraction[j, k, i - 1]) / metrics.ex[i]
+                    if uy > 0.0:
+                        slope += uy * (fraction[j + 1, k, i] - c) / metrics.ey[j + 1]
+                    else:
+                        slope += uy * (c - fraction[j - 1, k, i]) / metrics.ey[j]
+                    if uz > 0.0:
+                        slope += uz * (fraction[j, k + 1, i] - c) / metrics.ez[k + 1]
+                    elif k > HALO:
+                        slope += uz * (c - fraction[j, k - 1, i]) / metrics.ez[k]
+                    changed[j, k, i] = c + dt * (1.0 - share) * slope
     for n in range(len(regions)):
         (j0, j1), (k0, k1), (i0, i1) = cells_near(regions, n, fraction.shape)
         for j in prange(j0, j1):
             for k in range(k0, k1):
                 for i in range(i0, i1):
-                    if o.nearest[j, k, i] == n:
-                        fraction[j, k, i] += changed[j, k, i]
-                        given[n, j] += changed[j, k, i] * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
-                        changed[j, k, i] = 0.0
-
-
-@njit(cache=True, error_model="numpy", parallel=True)
-def settle_open_part(
-    fraction: Array, sweeps: Sweeps, bodies: AreaFractions, solids: PlacedSolids, metrics: Metrics, given: Array
-) -> None:
-    """Take the sum of the sweeps' dilatations back from the open part, too; see `fill_open_part`."""
-    o, regions, dt = bodies, solids.regions, sweeps.dt
-    begin, fx, fy, fz = sweeps.begin, sweeps.relative[0], sweeps.relative[1], sweeps.relative[2]
-    for n in range(len(regions)):
-        (j0, j1), (k0, k1), (i0, i1) = cells_near(regions, n, fraction.shape)
-        for j in prange(j0, j1):
-            for k in range(k0, k1):
-                for i in range(i0, i1):
-                    if o.nearest[j, k, i] != n or begin[j, k, i] < 0.5:
-                        continue
-                    share = open_share(o, j, k, i)
-                    if share >= 1.0 or share <= SMALL_SHARE:
-                        continue
-                    rate = (fx[j, k, i + 1] - fx[j, k, i]) / metrics.dx[i]  # that of the walls is 0: they are rigid
-                    rate += (fy[j + 1, k, i] - fy[j, k, i]) / metrics.dy[j]
-                    rate += (fz[j, k + 1, i] - fz[j, k, i]) / metrics.dz[k]
-                    change = _own_part(share) * dt * rate
-                    fraction[j, k, i] -= change
-                    given[n, j] -= change * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
+                    if o.nearest[j, k, i] == n and 0.001 <= open_share(o, j, k, i) <= 0.999:
+                        change = changed[j, k, i] - fraction[j, k, i]
+                        given[n, j] += change * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
+                        fraction[j, k, i] = changed[j, k, i]
+    return given
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
