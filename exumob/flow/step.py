@@ -296,12 +296,12 @@ class TimeStep:
         fraction, bodies, regions = step.new.fraction, self.placement.bodies, step.solids.regions
         if not len(regions) or self.placement.bed is not None:  # a given bed refills cells of its own
             return
-        left = surface_at_solids.closed_content(fraction, bodies, regions, self.metrics).sum(axis=1)
-        closed = surface_at_solids.closed_content(self._full, bodies, regions, self.metrics).sum(axis=1)
-        submerged = left / np.maximum(closed, 1e-300)
-        apparent = submerged * (closed - step.closed.sum(axis=1))  # a body's volume depends on its place in the cells
+        left = surface_at_solids.closed_content(fraction, bodies, regions, self.metrics)
+        closed = surface_at_solids.closed_content(self._full, bodies, regions, self.metrics)
+        submerged = _over_rows(left) / np.maximum(_over_rows(closed), 1e-300)
+        apparent = submerged * _over_rows(closed - step.closed)  # a body's volume depends on its place in the cells
         surface_at_solids.return_volume(
-            fraction, step.given.sum(axis=1) - left + apparent, bodies, regions, self.metrics
+            fraction, _over_rows(step.given - left) + apparent, bodies, regions, self.metrics
         )  # fmt: skip
 
     def loads(self, step: Step, slip_momentum: Array) -> Loads:
@@ -417,6 +417,11 @@ class TimeStep:
         """Largest rate at which water crosses cells [1/s]."""
         advection.largest_courant(relative, fraction, self.metrics, rows, self._rates)
         return float(self._rates.max())
+
+
+def _over_rows(values: Array) -> Array:
+    """Sums of shape (n,) over the rows of an array (n, ny), the same to the last bit for mirrored rows."""
+    return 0.5 * (values + values[:, ::-1]).sum(axis=1)
 
 
 def mean_grid_velocity(before: Array, after: Array, dt: float) -> GridVelocity:

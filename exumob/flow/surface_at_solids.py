@@ -267,13 +267,14 @@ def return_volume(
     for n in range(len(regions)):
         (j0, j1), (k0, k1), (i0, i1) = cells_near(regions, n, fraction.shape)
         taking = gained[n] > 0.0
-        weights = 0.0
+        rows = np.zeros(fraction.shape[0])
         for j in range(j0, j1):
             for k in range(k0, k1):
                 for i in range(i0, i1):
                     if o.nearest[j, k, i] == n:
                         weight = _surface_weight(fraction, o, j, k, i, taking)
-                        weights += weight * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
+                        rows[j] += weight * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
+        weights = 0.5 * (rows + rows[::-1]).sum()  # mirrored flows stay mirrored to the last bit
         if abs(gained[n]) <= ROUND_OFF * weights or weights == 0.0:
             continue
         part = min(abs(gained[n]) / weights, LARGEST_RETURN)
