@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from exumob.ground.soil import Soil
     from exumob.ground.terrain import Terrain
     from exumob.ground.terramechanics import wheel_soil_forces
+    from exumob.mobility.ford import Ford, ford_report
     from exumob.simulation.result_files import load_dataset, save_dataset
     from exumob.simulation.run import simulate
     from exumob.simulation.summary import summary
@@ -39,6 +40,7 @@ __all__ = [
     "CoefficientHydrodynamics",
     "ConstantSteer",
     "CrossSection",
+    "Ford",
     "Hull",
     "Hydrodynamics",
     "ImplausibleValue",
@@ -60,6 +62,7 @@ __all__ = [
     "Wheel",
     "WheelArches",
     "Wishbones",
+    "ford_report",
     "lane_change",
     "lane_shift",
     "load_dataset",

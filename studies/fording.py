@@ -24,7 +24,7 @@ from exumob import CrossSection, SimulationError, Soil, load_dataset
 from exumob.coupling.flow_code import BuiltInFlow
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
 from exumob.flow import FlowSettings
-from exumob.flow.output.pictures import animate_surface
+from exumob.flow.output.pictures import animate_surface, plot_surfaces
 from exumob.mobility.ford import Ford, FordReport, ford_report, stations
 from exumob.mobility.ford_figure import plot_ford
 from exumob.paper.reference_runs import work_folder
@@ -60,6 +60,8 @@ FLOW_RUN = "ford_flow.nc"
 """Result with the flow in the loop on the paper's vehicle's ford, in the folder of runs."""
 FLOW_CELLS = 0.025
 """Size of its cells round the vehicle [m]: coarse, 1.1 of them in the gap beside a wheel at full lock."""
+SHOWN_TIMES = (1.0, 2.0, 3.5, 5.5)
+"""Instants at which the water round the vehicle is drawn [s]."""
 SNAPSHOTS = 0.05
 """Interval of the surfaces that it keeps [s]."""
 
@@ -203,6 +205,14 @@ def plot_models(crossed: Ford, runs: Mapping[str, xr.Dataset]) -> Figure:
     return figure
 
 
+def plot_flow(run: xr.Dataset) -> Figure:
+    """Draw the water round the vehicle on its way down, in midstream and up the other side."""
+    with plt.rc_context(STYLE):
+        figure = plt.figure(figsize=(11.0, 7.2), layout="constrained")
+        plot_surfaces(figure, run, times=SHOWN_TIMES)
+    return figure
+
+
 def model_lines(crossed: Ford, runs: Mapping[str, xr.Dataset]) -> str:
     """Put the reports of the models side by side as a table."""
     lines = [
@@ -235,9 +245,15 @@ def main(quick: bool = False, animate: Path | None = None, flow: bool = False) -
     crossed, runs = compared()
     print(model_lines(crossed, runs))
     save({"fording_models.png": plot_models(crossed, runs)})
+    if "flow in the loop" in runs:
+        save({"fording_flow.png": plot_flow(runs["flow in the loop"])})
     if animate is not None:
         last = list(runs.values())[-1]
-        animate_surface(last, animate) if "hydrodynamics_elevation" in last else animate_run(last, animate)
+        if "hydrodynamics_elevation" in last:
+            until = ford_report(last, crossed).time
+            animate_surface(last.sel(snapshot=slice(0.0, until)).isel(snapshot=slice(None, None, 4)), animate)
+        else:
+            animate_run(last, animate)
     result = table(CARS, DEPTHS, tuple(FLOWS))
     save({"fording.nc": result, "fording_case.png": draw_case(*SHOWN)})
     return result

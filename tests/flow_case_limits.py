@@ -31,7 +31,7 @@ KNOWN_MISSES = {
         "drag coefficient, round, U 0.3 m/s (Fr 0.30)": (0.53, SMOOTH),
         "drag coefficient, round, U 0.5 m/s (Fr 0.50)": (0.4, SMOOTH),
     },
-    "bed-canal": {"canal, volume": (0.006, "films thinner than half a cell at a shore that wets and dries")},
+    "bed-canal": {"canal, volume": (0.003, "films thinner than half a cell at a shore that wets and dries")},
     "resistance-hump": {
         "hull, depth Froude number of the largest coefficient": (
             0.45,

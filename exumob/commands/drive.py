@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from exumob.commands.driving import (
+    SNAPSHOTS,
     CheckpointFile,
     CouplingScheme,
     FlowOptions,
@@ -19,9 +20,12 @@ from exumob.commands.driving import (
     RunOptions,
     Scene,
     Scheme,
+    SoilValue,
     WaterModel,
+    cells_of,
     check_effects,
     drive,
+    soil_with,
 )
 from exumob.commands.options import (
     EXPERT,
@@ -64,14 +68,11 @@ from exumob.support.quantities import DURATION as TIME
 
 if TYPE_CHECKING:
     from exumob.driving.maneuver import Maneuver
-    from exumob.ground.soil import Soil
     from exumob.ground.terrain import Terrain
     from exumob.vehicle.parameters import Vehicle
     from exumob.water.conditions import Water
 
 SPEED = Quantity("m/s", at_least=-100.0, at_most=100.0, plausible=(-30.0, 30.0))
-CELLS = 0.0575
-"""Width of the flow solver's cells over the tyre's diameter: 11.5 mm for the paper's vehicle."""
 
 
 class ManeuverName(StrEnum):
@@ -118,14 +119,7 @@ def drive_command(  # one argument an option of the command line
     hydrodynamics: ModelOption = WaterModel.auto,
     networks: Networks = None,
     members: Members = False,
-    soil_value: Annotated[
-        list[str] | None,
-        option(
-            GROUND,
-            "A value of one's own in place of the soil's: NAME=VALUE in SI units, friction_angle in degrees; again for "
-            "others.",
-        ),
-    ] = None,
+    soil_value: SoilValue = None,
     slope: Annotated[float, option(GROUND, "Slope of the ground. [deg]")] = 0.0,
     slope_direction: Annotated[
         float, option(GROUND, "Where it rises to, counter-clockwise from world x.", of=DIRECTION)
@@ -203,12 +197,12 @@ def drive_command(  # one argument an option of the command line
             pose = StartPose(start_x, start_y, radians("--heading", heading, DIRECTION))
             time = math.ceil(10.0 * DURATION * time_scale(car) - 1e-9) / 10.0 if duration is None else duration
             return Scene(
-                car, _soil(soil, soil_value or []), found, driver, time, number(initial_speed), ground, pose
+                car, soil_with(soil, soil_value or []), found, driver, time, number(initial_speed), ground, pose
             )  # fmt: skip
 
     def flow_of(scene: Scene) -> FlowOptions:
-        size = CELLS * scene.vehicle.wheel.diameter if cell_size is None else number(cell_size)
-        return FlowOptions(size, coarse, threads, coupling, 0.05 if animate else None)
+        size = cells_of(scene.vehicle) if cell_size is None else number(cell_size)
+        return FlowOptions(size, coarse, threads, coupling, SNAPSHOTS if animate else None)
 
     def say(scene: Scene) -> None:
         turning = float(scene.maneuver.wheel_speed(scene.duration)[0])
@@ -310,35 +304,6 @@ def _maneuver(
     if name is ManeuverName.straight:
         return ConstantSteer(speed=wheels, ramp_time=unit)
     return LaneChange(steering, 2.0 * unit, 5.5 * unit, wheels, unit)
-
-
-def _soil(name: str, values: list[str]) -> Soil:
-    """A published soil, with values of one's own."""
-    from exumob.ground.soil import Soil
-    from exumob.support.declared import declared_fields, nearest_names
-
-    soil = Soil.published(name)
-    names = [field.name for field in declared_fields(Soil) if field.quantity is not None]
-    changed: dict[str, float] = {}
-    for text in values:
-        key, _, number = text.partition("=")
-        if key not in names:
-            near = nearest_names(key, names)
-            raise ValueError(
-                f"--soil-value {text!r:.60} is not known; use {near[0] if near else ', '.join(names)}=VALUE."
-            )
-        if key in changed:
-            raise ValueError(f"--soil-value {key} stands twice; give it once.")
-        try:
-            changed[key] = float(number)
-        except ValueError:
-            raise ValueError(f"--soil-value {text!r:.60} holds no number; give {key}=VALUE.") from None
-        if key == "friction_angle":
-            changed[key] = math.radians(changed[key])
-    try:
-        return replace(soil, **changed, name=f"{soil.name}, changed") if changed else soil  # type: ignore[arg-type]
-    except ValueError as error:
-        raise ValueError(str(error).replace("Soil.", "--soil-value ")) from None
 
 
 def _ground(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -12,6 +13,7 @@ import typer
 
 from exumob.commands.options import (
     EXPERT,
+    GROUND,
     OUTPUT,
     WATER,
     option,
@@ -73,7 +75,19 @@ CheckpointFile = Annotated[
 Resume = Annotated[
     bool, option(OUTPUT, "Go on from the checkpoint, if there is one, with the same bits.", "--resume")
 ]  # fmt: skip
+SoilValue = Annotated[
+    list[str] | None,
+    option(
+        GROUND,
+        "A value of one's own in place of the soil's: NAME=VALUE in SI units, friction_angle in degrees; again for "
+        "others.",
+    ),
+]
 CouplingScheme = Annotated[Scheme, option(EXPERT, "Scheme by which vehicle and flow agree within a macro step (cfd).")]
+CELLS = 0.0575
+"""Width of the flow solver's cells over the tyre's diameter: 11.5 mm for the paper's vehicle."""
+SNAPSHOTS = 0.05
+"""Interval at which the free surface is kept for an animation [s]."""
 FLOW = ("cell_size", "coarse", "coupling", "threads")
 """Arguments of a command that belong to the flow in the loop."""
 
@@ -203,6 +217,7 @@ def drive(
     scene_of: Callable[[], Scene],
     flow_of: Callable[[Scene], FlowOptions],
     say: Callable[[Scene], None] = lambda scene: None,
+    report: Callable[[xr.Dataset], bool] | None = None,
 ) -> NoReturn:
     """Make a scene, run it, say what came of it, write its files and leave with an exit code.
 
@@ -215,6 +230,8 @@ def drive(
         Options of the flow solver for this scene; only asked for where it is in the loop.
     say : callable
         Says before the run what was chosen.
+    report : callable, optional
+        Says what came of it and writes its files, True if all of them were written; default: the summary of a run.
     """
     from exumob.simulation.ensemble import add_members
     from exumob.simulation.run import simulate
@@ -227,7 +244,6 @@ def drive(
     try:
         scene = scene_of()
         if scene.water is not None and options.model is WaterModel.cfd:
-            refuse_flow_over_terrain(scene.water, scene.terrain, scene.start)
             flow = flow_of(scene)
             with option_names():
                 model, lead = _flow_in_loop(flow, scene.water, lambda time: progress[0](time))
@@ -268,24 +284,48 @@ def drive(
     if code and options.checkpoint is not None and options.checkpoint.exists():
         errors.print(f"{options.checkpoint} holds the run: the same command with --resume goes on.", soft_wrap=True)
     setting = f"{options.setting}: {SETTINGS[options.setting].error}" if options.measured else ""
-    written = report_run(result, options.targets, setting)
+    written = report_run(result, options.targets, setting) if report is None else report(result)
     raise typer.Exit(code or (0 if written else 2))
 
 
-def refuse_flow_over_terrain(water: Water, terrain: Terrain | None, start: StartPose | None) -> None:
-    """Refuse what the flow in the loop does not know before a window is made for it.
+def cells_of(vehicle: Vehicle) -> float:
+    """Return the usual width of the flow solver's cells round a vehicle [m]."""
+    return CELLS * vehicle.wheel.diameter
+
+
+def soil_with(name: str, values: list[str]) -> Soil:
+    """Return a published soil, with values of one's own (`SoilValue`).
 
     Raises
     ------
     ValueError
-        With what it knows, and the remedy.
+        If a name is not known or stands twice, or a value is no number or out of bounds.
     """
-    from exumob.coupling.flow_in_loop import CfdHydrodynamics
-    from exumob.ground.terrain import Terrain
-    from exumob.simulation.checks import check_water_model
+    from exumob.ground.soil import Soil
+    from exumob.support.declared import declared_fields, nearest_names
 
-    with option_names():
-        check_water_model(CfdHydrodynamics(), water, terrain or Terrain())
+    soil = Soil.published(name)
+    names = [field.name for field in declared_fields(Soil) if field.quantity is not None]
+    changed: dict[str, float] = {}
+    for text in values:
+        key, _, number = text.partition("=")
+        if key not in names:
+            near = nearest_names(key, names)
+            raise ValueError(
+                f"--soil-value {text!r:.60} is not known; use {near[0] if near else ', '.join(names)}=VALUE."
+            )
+        if key in changed:
+            raise ValueError(f"--soil-value {key} stands twice; give it once.")
+        try:
+            changed[key] = float(number)
+        except ValueError:
+            raise ValueError(f"--soil-value {text!r:.60} holds no number; give {key}=VALUE.") from None
+        if key == "friction_angle":
+            changed[key] = math.radians(changed[key])
+    try:
+        return replace(soil, **changed, name=f"{soil.name}, changed") if changed else soil  # type: ignore[arg-type]
+    except ValueError as error:
+        raise ValueError(str(error).replace("Soil.", "--soil-value ")) from None
 
 
 def _flow_in_loop(flow: FlowOptions, water: Water, progress: Callable[[float], None]) -> tuple[CfdHydrodynamics, float]:

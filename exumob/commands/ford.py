@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from exumob.commands.driving import ModelOption, Networks, WaterModel, model_named, refuse_flow_over_terrain
+from exumob.commands.driving import (
+    SNAPSHOTS,
+    CheckpointFile,
+    CouplingScheme,
+    FlowOptions,
+    ModelOption,
+    Networks,
+    Resume,
+    RunOptions,
+    Scene,
+    Scheme,
+    SoilValue,
+    WaterModel,
+    cells_of,
+    check_effects,
+    drive,
+    soil_with,
+)
 from exumob.commands.options import (
     EXPERT,
     RUN,
     WATER,
     Animation,
+    Coarse,
     Figure,
     MacroStep,
     MicroStep,
@@ -21,27 +38,21 @@ from exumob.commands.options import (
     SettingName,
     SettingOption,
     SoilName,
+    Threads,
     UnusualValues,
     VehicleFile,
     option,
     option_names,
-    refuse_without_effect,
 )
 from exumob.commands.report import report_ford
-from exumob.commands.shared import (
-    check_targets,
-    console,
-    fail,
-    simulated_time_bar,
-    vehicle_of,
-    whatever_was_computed,
-)
+from exumob.commands.shared import console, fail, vehicle_of
 from exumob.simulation.settings import SOIL
-from exumob.support.quantities import DEPTH, DURATION, INITIAL_SPEED
+from exumob.support.quantities import CELL_SIZE, DEPTH, DURATION, INITIAL_SPEED, Unusual
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from exumob.ground.soil import Soil
     from exumob.mobility.ford import Ford
 
 
@@ -67,6 +78,7 @@ def ford_command(  # one argument an option of the command line
         option(RUN, "Speed of the tyres' tread. Default: by Froude's law, 1 m/s on a wheelbase of 0.714 m. [m/s]"),
     ] = None,
     soil: SoilName = SOIL,
+    soil_value: SoilValue = None,
     output: Output = None,
     figure: Figure = None,
     animate: Animation = None,
@@ -80,6 +92,15 @@ def ford_command(  # one argument an option of the command line
         float | None,
         option(EXPERT, "Time in which it must cross. Default: enough at half the speed of its tyres.", of=DURATION),
     ] = None,
+    checkpoint: CheckpointFile = None,
+    resume: Resume = False,
+    cell_size: Annotated[
+        float | None,
+        option(EXPERT, "Cells of the flow solver (cfd). Default: 0.0575 of the tyre's diameter.", of=CELL_SIZE),
+    ] = None,
+    coarse: Coarse = False,
+    coupling: CouplingScheme = Scheme.semi_implicit,
+    threads: Threads = 1,
     setting: SettingOption = SettingName.fast,
     micro_step: MicroStep = None,
     macro_step: MacroStep = None,
@@ -96,52 +117,54 @@ def ford_command(  # one argument an option of the command line
     from exumob.mobility.ford_figure import plot_ford
 
     targets = {"--output": output, "--figure": figure, "--animate": animate}
+    options = RunOptions(
+        hydrodynamics, networks, False, setting.value, micro_step, macro_step, checkpoint, resume, targets, False
+    )  # fmt: skip
     try:
-        if hydrodynamics not in (WaterModel.auto, WaterModel.networks):
-            refuse_without_effect(
-                f"with --hydrodynamics {hydrodynamics.value}", "leave it out, or choose --hydrodynamics networks",
-                "networks",
-            )  # fmt: skip
-        if micro_step is not None and macro_step is not None:
-            refuse_without_effect("beside --micro-step and --macro-step", "leave {it} out", "setting")
         if (level is None) == (depth is None):
             given = "neither --level nor --depth is" if level is None else "--level and --depth are both"
             raise ValueError(f"{given} given; give the height of the water's surface, or its greatest depth.")
-        check_targets(targets)
+        check_effects(True, "", 0.0, hydrodynamics, micro_step, macro_step)
+        options.check(duration)
+    except (ValueError, OSError) as error:
+        fail(error)
+    crossed: list[Ford] = []
+
+    def scene() -> Scene:
         with option_names():
             ford = _ford(
-                section, level, depth, discharge, density, vehicle, soil, speed, initial_speed, duration, unusual
-            )
-            if hydrodynamics is WaterModel.cfd:
-                refuse_flow_over_terrain(ford.water, ford.section.terrain(), ford.start)
-            model = model_named(hydrodynamics, ford.vehicle, ford.water, networks)
-    except (ValueError, OSError, ImportError) as error:
-        fail(error)
-    steps = {"setting": setting.value, "micro_step": micro_step, "macro_step": macro_step}
-    for name, text in ford.lines().items():
-        console.print(f"{name:<12} {text}", soft_wrap=True)
+                section, level, depth, discharge, density, vehicle, soil_with(soil, soil_value or []), speed,
+                initial_speed, duration, unusual,
+            )  # fmt: skip
+            crossed.append(ford)
+            return Scene(
+                ford.vehicle, ford.soil, ford.water, ford.maneuver, ford.time, ford.initial_speed,
+                ford.section.terrain(), ford.start,
+            )  # fmt: skip
 
-    def run(advance: Callable[[float], None]) -> xr.Dataset:
-        with option_names():  # inside: whatever_was_computed says errors at once
-            return ford.drive(model, advance, **steps)
+    def flow_of(scene: Scene) -> FlowOptions:
+        size = cells_of(scene.vehicle) if cell_size is None else Unusual(cell_size) if unusual else cell_size
+        return FlowOptions(size, coarse, threads, coupling, SNAPSHOTS if animate else None)
 
-    with simulated_time_bar(ford.time, "settling", "driving") as advance:
-        result, code = whatever_was_computed(lambda: run(advance), output)
-    try:
-        report = ford_report(result, ford)
-    except ValueError as error:
-        fail(error)
-    written = report_ford(result, report, targets, lambda run: plot_ford(run, ford, report))
-    raise typer.Exit(code or (0 if written else 2))
+    def say(scene: Scene) -> None:
+        for name, text in crossed[0].lines().items():
+            console.print(f"{name:<12} {text}", soft_wrap=True)
+
+    def reported(result: xr.Dataset) -> bool:
+        try:
+            found = ford_report(result, crossed[0])
+        except ValueError as error:
+            fail(error)
+        return report_ford(result, found, targets, lambda run: plot_ford(run, crossed[0], found))
+
+    drive(options, scene, flow_of, say, reported)
 
 
 def _ford(  # what the options give
     file: Path, level: float | None, depth: float | None, discharge: float | None, density: float,
-    vehicle: Path | None, soil: str, speed: float | None, initial_speed: float, duration: float | None, unusual: bool,
+    vehicle: Path | None, soil: Soil, speed: float | None, initial_speed: float, duration: float | None, unusual: bool,
 ) -> Ford:  # fmt: skip
-    from exumob.ground.soil import Soil
     from exumob.mobility.ford import Ford
-    from exumob.support.quantities import Unusual
     from exumob.water.cross_section import CrossSection
 
     if unusual:
@@ -152,8 +175,7 @@ def _ford(  # what the options give
     if level is None:
         level = section.level_at_depth(DEPTH.check("--depth", depth))
     try:
-        car, ground = vehicle_of(vehicle), Soil.published(soil)
-        return Ford(section, level, car, ground, discharge, speed, initial_speed, duration, density)
+        return Ford(section, level, vehicle_of(vehicle), soil, discharge, speed, initial_speed, duration, density)
     except ValueError as error:
         text = str(error)
         if depth is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from exumob.commands.driving import (
+    SNAPSHOTS,
     CheckpointFile,
     CouplingScheme,
     FlowOptions,
@@ -104,7 +105,7 @@ def lane_change_command(  # one argument an option of the command line
     options = RunOptions(
         hydrodynamics, networks, members, setting.value, micro_step, macro_step, checkpoint, resume, targets, measured
     )
-    snapshots = 0.05 if animate else None
+    snapshots = SNAPSHOTS if animate else None
     if unusual:
         depth_ratio, current, wheel_speed, cell_size = map(Unusual, (depth_ratio, current, wheel_speed, cell_size))
         initial_speed = Unusual(initial_speed)

@@ -84,9 +84,8 @@ class CfdHydrodynamics:
         self._spun_up = False  # since the last start
         self._spin_up_times: list[float] = []
         self._spin_up_wrenches: list[Array] = []
-        self._forget()
-
         self._terrain, self._start = Terrain(), StartPose()
+        self._forget()
 
     def _forget(self) -> None:
         self._times: list[float] = []

@@ -203,7 +203,9 @@ class TimeStep:
         if not len(walls.regions):
             return np.zeros((0, 6))
         blending = velocity_extension.Blending(old.velocity, old.extended, old.wet, self.fluid.density, step.dt)
-        wrenches = velocity_extension.blend(blending, self.placement.area_fractions, walls, self.metrics)
+        given = self.placement.bed
+        bed = velocity_extension.NO_BED if given is None else given.number
+        wrenches = velocity_extension.blend(blending, self.placement.area_fractions, walls, bed, self.metrics)
         return step.solids.in_body_axes(wrenches[: len(step.solids.position)])
 
     def place_solids(self, step: Step, poses: Poses) -> None:

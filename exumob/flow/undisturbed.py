@@ -64,11 +64,6 @@ class UndisturbedWater:
         self._velocity = FarVelocity(np.zeros((ny, nx)), np.zeros((ny, nx)))
         self._arrays = None if water.field is None else water.as_arrays()
 
-    @property
-    def is_uniform(self) -> bool:
-        """Whether the current is the same everywhere."""
-        return self._arrays is None
-
     def velocity(self, frame: Array) -> FarVelocity:
         """Return the velocity for a grid at `frame` (origin x, y [m] and yaw [rad]); the next call overwrites it."""
         found = self._velocity

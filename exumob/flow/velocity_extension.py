@@ -30,6 +30,8 @@ REACH = LAYERS + 1
 """Cells round the water whose velocity is kept up."""
 FASTEST_FALL = 3.0
 """Largest speed at which water too thin to be resolved falls [m/s]."""
+NO_BED = -2
+"""Number of a given bed where there is none; -1 is that of no solid at all."""
 OUTSIDE = np.uint8(255)
 """Label of faces that have no velocity of their own: the halo, and what is far from any water."""
 
@@ -175,13 +177,16 @@ class Blending(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def blend(blending: Blending, area_fractions: AreaFractions, solids: PlacedSolids, metrics: Metrics) -> Array:
+def blend(
+    blending: Blending, area_fractions: AreaFractions, solids: PlacedSolids, bed: int, metrics: Metrics
+) -> Array:  # fmt: skip
     """Draw small open faces towards the extended velocity without its part through the wall; set closed ones to it.
 
     u = (u + rate dt u_slip) / (1 + rate dt) with rate = 50 [(0.7 - beta) / beta]^2 1/s, beta the area fraction: a face
     that is hardly open has hardly any water of its own. What momentum this takes is given to the solid. Where the
     extension does not reach, nothing changes: fed by its own result, step by step, spray beside a curved wall would
-    gather speed.
+    gather speed. Only in the wedge between a given bed and what rolls over it, which water leaves by faces hardly open
+    alone, is it drawn towards the walls' own velocity instead: a film that is squeezed sticks to them.
 
     Parameters
     ----------
@@ -189,6 +194,8 @@ def blend(blending: Blending, area_fractions: AreaFractions, solids: PlacedSolid
     area_fractions : AreaFractions
     solids : PlacedSolids
         The solids and, last, a given bed.
+    bed : int
+        Number of a given bed among them, or `NO_BED`.
     metrics : Metrics
 
     Returns
@@ -204,7 +211,7 @@ def blend(blending: Blending, area_fractions: AreaFractions, solids: PlacedSolid
         (j0, j1), _, _ = cells_near(solids.regions, n, wet.shape)
         for j in prange(j0, j1):
             here = Blending(velocity, extended, wet, density, dt)
-            _blend_row(j, n, here, area_fractions, solids, metrics, rows[j])
+            _blend_row(j, n, here, area_fractions, solids, bed, metrics, rows[j])
         for j in range(ny):
             for m in range(6):
                 wrenches[n, m] += rows[j, m]
@@ -213,8 +220,8 @@ def blend(blending: Blending, area_fractions: AreaFractions, solids: PlacedSolid
 
 @njit(cache=True, error_model="numpy")
 def _blend_row(
-    j: int, n: int, blending: Blending, area_fractions: AreaFractions, solids: PlacedSolids, metrics: Metrics,
-    wrench: Array,
+    j: int, n: int, blending: Blending, area_fractions: AreaFractions, solids: PlacedSolids, bed: int,
+    metrics: Metrics, wrench: Array,
 ) -> None:  # fmt: skip
     """Row j of `blend` for solid n."""
     velocity, extended, wet, density, dt = blending
@@ -253,7 +260,10 @@ def _blend_row(
                 along = gx if axis == 0 else (gy if axis == 1 else gz)
                 target = extended[axis][j, k, i] - along * through
                 if not math.isfinite(target):
-                    continue
+                    on_bed = o.nearest[j, k, i] == bed or o.nearest[jb, kb, ib] == bed
+                    if not (on_bed or o.nearest[j, k - 1, i] == bed or o.nearest[jb, kb - 1, ib] == bed):
+                        continue
+                    target = ux if axis == 0 else (uy if axis == 1 else uz)
                 if (wet[j, k, i] or wet[jb, kb, ib]) and beta > 0.0:
                     here = velocity[axis][j, k, i]
                     strength = dt * BLEND_RATE * ((BLENDED - beta) / beta) ** 2

@@ -35,6 +35,8 @@ from exumob.water.wetted_surface import hull_triangles
 DENSITY = Quantity("kg/m^3", above=0.0, plausible=(700.0, 1500.0))
 LOST = (*FOR_GOOD, "swept away", "afloat")
 """Conditions with which a vehicle has not crossed though it came out on the other side: wheels do not hold it."""
+NEEDED = ("position", "slip_ratio", "water_depth", "keel_clearance")
+"""Variables of a run that a report needs besides those of a verdict."""
 PROGRESS_SHARE = 0.5
 """Share of the speed of its tyres at which a vehicle is given time to cross."""
 MOST_STEERING = math.radians(30.0)
@@ -266,7 +268,9 @@ class FordReport:
             "slip": "the wheels never came to speed in contact with the soil"
             if math.isnan(self.slip.value)
             else f"{100.0 * self.slip.value:.0f} % at most, {self.slip.where()}"
-            if self.slip.value > 0.0
+            if self.slip.value > 0.005
+            else f"none: the vehicle is at least {-100.0 * self.slip.value:.0f} % faster than the tread of its tyres"
+            if self.slip.value < -0.005
             else "none: the vehicle is as fast as the tread of its tyres",
             "freeboard": f"{self.freeboard.value:.3f} m at least, {self.freeboard.where()}"
             + (" (the deck is awash)" if self.freeboard.value < 0.0 else ""),
@@ -300,9 +304,13 @@ def ford_report(run: xr.Dataset, ford: Ford, limits: VerdictLimits | None = None
     Raises
     ------
     ValueError
-        If the run lacks what a verdict needs (`exumob.simulation.verdict.judge`).
+        If the run is no result of `Ford.drive`: it lacks what a verdict (`exumob.simulation.verdict.judge`) or this
+        report needs.
     """
     limits = VerdictLimits() if limits is None else limits
+    if missing := [name for name in NEEDED if name not in run]:
+        raise ValueError(f"ford_report: the run has no {', '.join(missing)}; give the result of Ford.drive.")
+    verdict = judge(run, limits, ford.vehicle)
     station = stations(run)
     across = np.flatnonzero(station - ford.overhangs[1] >= ford.edges[1])
     status = str(run.attrs.get("status", ""))
@@ -310,7 +318,7 @@ def ford_report(run: xr.Dataset, ford: Ford, limits: VerdictLimits | None = None
         run = run.isel(time=slice(int(across[0]) + 1)).assign_attrs(status="completed")
         run.attrs.pop("cause", None)  # of a breakdown after it had crossed
         station = station[: int(across[0]) + 1]
-    verdict = judge(run, limits, ford.vehicle)
+        verdict = judge(run, limits, ford.vehicle)
     time = run["time"].values.astype(float)
     kind, since = _outcome(verdict, bool(len(across)), status, float(time[-1]))
     where = float(np.interp(since, time, station))

@@ -68,7 +68,7 @@ SETTINGS = {
 Measured by `benchmarks/settings.py`, fast against fine: 0.0 mm on dry ground, 1 to 2 mm in D60 with coefficients,
 2.6 mm (D60/U0) and 5.7 mm (D60/U1, 0.19 % of the path) with the networks; fine takes about eight times as long. With
 the flow solver in the loop, D60/U1 on 18 mm cells ends 2 mm ahead and 10 mm beside the run with macro steps of 1 ms;
-two runs at 1 ms that differ in the spin-up end 22 mm apart.
+two runs at 1 ms that differ in the spin-up end 24 mm apart.
 """
 DEFAULT_SETTING = "fast"
 

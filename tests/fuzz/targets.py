@@ -392,6 +392,9 @@ def function_targets() -> list[Target]:
         f("save_dataset", exumob.save_dataset, {"dataset": EXAMPLES[examples.xr.Dataset][0].make(), "file": "x.nc"},
         files=True,
           clear=(ValueError, OSError)),
+        f("ford_report", exumob.ford_report, {
+            "run": EXAMPLES[examples.xr.Dataset][0].make(), "ford": EXAMPLES[exumob.Ford][0].make(),
+        }),
         f("summary", exumob.summary, {"dataset": EXAMPLES[examples.xr.Dataset][0].make()}),
         f("Recorded", exumob.Recorded, dict(zip(("time", "steering", "wheel_speed"), examples.RAMP, strict=True)),
           verify=_verify_recorded, weight=2),

@@ -334,7 +334,10 @@ NO_FORD = [
     (["--level", "100", "--initial-speed", "-1"], r"--initial-speed = -1\.0 m/s must be"),
     (["--level", "100", "--density", "0"], r"--density = 0\.0 kg/m\^3 must be"),
     (["--level", "100", "--discharge", "2"], r"--discharge: the section has a current of its own"),
-    (["--level", "100", "--hydrodynamics", "cfd"], r"flow in the loop .*take --hydrodynamics coefficients"),
+    (["--level", "100", "--hydrodynamics", "cfd", "--cell-size", "0.0002"], r"--cell-size = 0\.0002 m makes"),
+    (["--level", "100", "--cell-size", "0.02"], r"--cell-size has no effect .*add --hydrodynamics cfd"),
+    (["--level", "100", "--resume"], r"--resume: there is nothing to go on from without --checkpoint"),
+    (["--level", "100", "--soil-value", "cohesoin=1"], r"--soil-value 'cohesoin=1' is not known; use cohesion=VALUE"),
     (["--level", "100", "--soil", "LETE snad"], r"--soil: no soil is called"),
     (["--level", "100", "--output", "mine.txt"], r"--output mine\.txt: the ending"),
     (["--level", "100", "--hydrodynamics", "coefficients", "--networks", "a"], r"--networks has no effect"),
@@ -403,7 +406,7 @@ NO_DRIVE = [
     (["--terrain", "short.asc"], "holds 4 heights, and ncols times nrows is 6"),
     (["--terrain", "line.csv"], "does not say ncols"), (["--terrain", "word.asc"], "line 6: 'a' is not a number"),
     (["--terrain", "far.asc"], "the vehicle at its start"), (["--river", "none.nc"], "none.nc: there is no such file"),
-    (["--slope", "5", "--level", "0.1", "--hydrodynamics", "cfd"], "flow in the loop .*--hydrodynamics coefficients"),
+    (["--slope", "5", "--level", "0.1", "--hydrodynamics", "cfd", "--cell-size", "0.0002"], "--cell-size = 0.0002 m"),
 ]  # fmt: skip
 
 

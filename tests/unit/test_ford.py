@@ -48,6 +48,15 @@ def test_start_way_speed_and_time_are_those_of_the_vehicle():
     assert ford(speed=2.0).time == pytest.approx(4.5) and ford(duration=3.0).time == 3.0
 
 
+@pytest.mark.parametrize(("slip", "said"), [
+    (0.123, "12 % at most"), (0.002, "none: the vehicle is as fast as"), (-0.082, "at least 8 % faster than the tread"),
+])  # fmt: skip
+def test_slip_is_said_of_wheels_behind_and_ahead_of_their_tread(slip, said):
+    run = drive()
+    run["slip_ratio"] = run["slip_ratio"] * 0.0 + slip
+    assert said in ford_report(run, ford()).lines()["slip"]
+
+
 @pytest.mark.parametrize("factor", [0.5, 4.0])
 def test_a_similar_ford_is_driven_similarly(factor):
     """Froude: lengths by the factor, speed and time by its root."""

@@ -348,4 +348,7 @@ def describe(dataset: xr.Dataset) -> str:
     rate = math.degrees(float(hull["angular_velocity"].sel(axis="z")))
     words += [f"drift angle {drift:.3g}°"] if speed > 0.01 and abs(drift) > 0.1 else []
     words += [f"yaw rate {rate:.3g}°/s"] if abs(rate) > 0.1 else []
-    return ", ".join([*words, f"current {water['current_speed']:g} m/s", f"depth {1e3 * water['depth']:.0f} mm"])
+    if "depth" in water:
+        return ", ".join([*words, f"current {water['current_speed']:g} m/s", f"depth {1e3 * water['depth']:.0f} mm"])
+    deep, fast = float(dataset["water_depth"].max()), float(np.hypot(*dataset["current"].values[:, :2].T).max())
+    return ", ".join([*words, f"current up to {fast:.2g} m/s", f"depth up to {1e3 * deep:.0f} mm"])

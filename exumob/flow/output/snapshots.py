@@ -19,6 +19,8 @@ from exumob.vehicle.motion import BODIES, quaternions
 
 SNAPSHOT_VARIABLES = ("elevation", "bed_elevation", "frame", "snapshot_position", "snapshot_quaternion")
 """Names of the variables of `snapshots_dataset`."""
+FILM = 0.1
+"""Depth over a given bed below which it counts as dry, over the smallest width of a cell [-]."""
 
 
 @dataclass(frozen=True)
@@ -121,10 +123,10 @@ def surface_elevation(solver: FlowSolver) -> Array:
     beneath = np.take_along_axis(fraction, np.maximum(lowest - 1, 0)[:, None], axis=1)[:, 0]
     dry = (lowest > 0) & (beneath < 0.5)
     surface = solver.surface_height()
-    if solver.has_given_bed:
-        surface[surface - solver.bed_height() < 1e-3 * widths.min()] = np.nan
     below += float(solver.grid.z_faces[0])
     height = np.where(here, np.where(dry, below, np.nan), surface)
     over = solver.grid.z_faces[np.minimum(highest + 1, nz)] + above
     height = np.where(here & (above > 0.5 * widths[np.minimum(highest + 1, nz - 1)]), over, height)
+    if solver.has_given_bed:
+        height[height - solver.bed_height() < FILM * widths.min()] = np.nan  # below a wheel on dry land, too
     return (height - solver.level).astype(np.float32)
