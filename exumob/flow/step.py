@@ -152,7 +152,6 @@ class TimeStep:
         unknown = np.full(shape, free_surface.UNKNOWN)
         self._orientation = unknown, unknown.copy(), unknown.copy()
         self._label = np.zeros(shape, dtype=np.uint8)
-        self._full = np.ones(shape)
         self._scratch, self._rates = np.zeros(shape), np.zeros(shape[0])
         self._at_rest = np.zeros((shape[0], shape[2]))
 
@@ -212,8 +211,8 @@ class TimeStep:
         """Solids and bed to where they are at the end, with the fraction in and at them and the wet cells."""
         new, bed = step.new, self.placement.bed
         bodies, before = self.placement.bodies, self.placement.solids.regions
-        content = surface_at_solids.closed_content(step.old.fraction, bodies, before, self.metrics)
-        step.closed = surface_at_solids.closed_content(self._full, bodies, before, self.metrics)
+        closed = surface_at_solids.closed_content(step.old.fraction, bodies, before, self.metrics)
+        content, step.closed = closed[:, :, 0], closed[:, :, 1]
         self.place(poses, step.frame, step.old.steps)
         step.solids = solids = self.placement.solids
         o = self.placement.area_fractions
@@ -298,13 +297,14 @@ class TimeStep:
         fraction, bodies, regions = step.new.fraction, self.placement.bodies, step.solids.regions
         if not len(regions) or self.placement.bed is not None:  # a given bed refills cells of its own
             return
-        left = surface_at_solids.closed_content(fraction, bodies, regions, self.metrics)
-        closed = surface_at_solids.closed_content(self._full, bodies, regions, self.metrics)
-        submerged = _over_rows(left) / np.maximum(_over_rows(closed), 1e-300)
-        apparent = submerged * _over_rows(closed - step.closed)  # a body's volume depends on its place in the cells
+        closed = surface_at_solids.closed_content(fraction, bodies, regions, self.metrics)
+        left, closed = _over_rows(closed[:, :, 0]), _over_rows(closed[:, :, 1])
+        # the volume of a body as the cells have it depends on its place in them: no water is added or taken by that
+        apparent = left / np.maximum(closed, 1e-300) * (closed - _over_rows(step.closed))
+        gained = _over_rows(step.given) - left + apparent
         surface_at_solids.return_volume(
-            fraction, _over_rows(step.given - left) + apparent, bodies, regions, self.metrics
-        )  # fmt: skip
+            fraction, self._scratch, gained, bodies, regions, self.placement.margin, self.metrics
+        )
 
     def loads(self, step: Step, slip_momentum: Array) -> Loads:
         """Loads on the solids in their own axes."""

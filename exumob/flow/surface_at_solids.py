@@ -13,20 +13,17 @@ from numba import prange
 from numpy.typing import NDArray
 
 from exumob.flow.area_fractions import AreaFractions, distance_gradient
-from exumob.flow.free_surface import EMPTY
 from exumob.flow.grid import HALO, GridVelocity, Metrics
 from exumob.flow.poses import PlacedSolids, body_velocity, cells_near
 from exumob.support.arrays import Array
 from exumob.support.kernels import njit
 
-LEAST_SHARE = 1.0e-6
-"""Open share of a cell below which it counts as closed [-]."""
+WALL = 1.5
+"""Distance from the wall, over the sum of a cell's widths, beyond which cells are wholly open or closed [-]."""
 ROUND_OFF = 1.0e-13
 """Change of the fraction below which the volume counts as right [-]."""
 LARGEST_RETURN = 0.1
 """Most of a cell's water, or air, that is taken in one step for the volume to be right [-]."""
-TAKES_PART = 0.5
-"""Open share from which a cell takes part in that [-]."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -209,43 +206,53 @@ def release_surface(
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def closed_content(fraction: Array, bodies: AreaFractions, regions: NDArray[np.int64], metrics: Metrics) -> Array:
-    """Volume that the fraction on full cells has in the closed part of the cells near each solid, by rows [m^3]."""
-    o = bodies
-    content = np.zeros((len(regions), fraction.shape[0]))
+    """Water in the closed part of the cells near each solid, and the volume of that part, by rows.
+
+    Returns
+    -------
+    array, shape (n, ny, 2)
+        Water as the fraction on full cells has it, and closed volume [m^3].
+    """
+    distance, nearest = bodies.distance, bodies.nearest
+    content = np.zeros((len(regions), fraction.shape[0], 2))
     for n in range(len(regions)):
         (j0, j1), (k0, k1), (i0, i1) = cells_near(regions, n, fraction.shape)
         for j in prange(j0, j1):
+            water, closed = 0.0, 0.0
             for k in range(k0, k1):
                 for i in range(i0, i1):
-                    if o.nearest[j, k, i] != n:
+                    reach = WALL * (metrics.dx[i] + metrics.dy[j] + metrics.dz[k])
+                    d = distance[j, k, i]
+                    if d > reach or nearest[j, k, i] != n:
                         continue
-                    share = open_share(o, j, k, i)
-                    if share < 1.0:
-                        closed = 1.0 if share < LEAST_SHARE else 1.0 - share
-                        content[n, j] += closed * fraction[j, k, i] * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
+                    share = open_share(bodies, j, k, i) if d > -reach else 0.0
+                    volume = (1.0 - share) * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
+                    water += fraction[j, k, i] * volume
+                    closed += volume
+            content[n, j, 0], content[n, j, 1] = water, closed
     return content
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _surface_weight(fraction: Array, o: AreaFractions, j: int, k: int, i: int, taking: bool) -> float:
-    """Weight of a cell of the surface, 0 for others [-]: what it holds of water, or of air if it is given some."""
+def _room(fraction: Array, j: int, k: int, i: int, taking: bool) -> float:
+    """Water that can be taken from the surface in a cell, or air in it that can be filled [-]; 0 away from the surface.
+
+    The surface is in a cell as far as the cell above is less than half full, for taking, or the one below more than
+    half full, for giving. Both go to 0 with the fraction that they depend on: neither the last digits of full cells
+    nor a film or a drop decide who takes part.
+    """
     c = fraction[j, k, i]
-    if c <= EMPTY or (c >= 1.0 - EMPTY and fraction[j, k + 1, i] >= 0.5):
-        return 0.0
-    share = open_share(o, j, k, i)
-    return 0.0 if share < TAKES_PART else share * _movable(c, taking)
+    if taking:
+        return min(max(c, 0.0), 1.0) * max(1.0 - 2.0 * fraction[j, k + 1, i], 0.0)
+    below = fraction[j, k - 1, i] if k > HALO else c
+    return max(1.0 - c, 0.0) * max(2.0 * min(below, 1.0) - 1.0, 0.0)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _movable(c: float, taking: bool) -> float:
-    """Water that can be taken from a surface cell, or the air that it has room for: full ones have a little, too."""
-    return min(c, 1.0) if taking else max(1.0 - c, 0.01)
-
-
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", parallel=True)
 def return_volume(
-    fraction: Array, gained: Array, bodies: AreaFractions, regions: NDArray[np.int64], metrics: Metrics
-) -> None:
+    fraction: Array, room: Array, gained: Array, bodies: AreaFractions, regions: NDArray[np.int64], reach: float,
+    metrics: Metrics,
+) -> None:  # fmt: skip
     """Give the surface near each solid what its motion has taken from the water, or take what it has added.
 
     A wall that moves through the grid closes and opens cells by its place, and displaces water by its velocity: near
@@ -257,30 +264,43 @@ def return_volume(
     ----------
     fraction : array, changed
         [-]
+    room : array, changed
+        Work space.
     gained : array, shape (n,)
         Volume that the motion of each solid has added to the water [m^3].
     bodies : AreaFractions
     regions : array of int, shape (n, 6)
+    reach : float
+        Distance from the solid at which the surface is no longer near it [m]; the regions reach so far at least.
     metrics : Metrics
     """
-    o = bodies
+    distance, nearest = bodies.distance, bodies.nearest
+    rows = np.zeros((len(regions), fraction.shape[0]))
     for n in range(len(regions)):
         (j0, j1), (k0, k1), (i0, i1) = cells_near(regions, n, fraction.shape)
         taking = gained[n] > 0.0
-        rows = np.zeros(fraction.shape[0])
-        for j in range(j0, j1):
+        for j in prange(j0, j1):
+            total = 0.0
             for k in range(k0, k1):
                 for i in range(i0, i1):
-                    if o.nearest[j, k, i] == n:
-                        weight = _surface_weight(fraction, o, j, k, i, taking)
-                        rows[j] += weight * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
-        weights = 0.5 * (rows + rows[::-1]).sum()  # mirrored flows stay mirrored to the last bit
-        if abs(gained[n]) <= ROUND_OFF * weights or weights == 0.0:
+                    if nearest[j, k, i] != n:
+                        continue
+                    found = _room(fraction, j, k, i, taking)
+                    if found > 0.0:
+                        share = open_share(bodies, j, k, i)
+                        found *= max(2.0 * share - 1.0, 0.0)  # cells half closed or more take no part
+                        found *= min(max(2.0 - 2.0 * distance[j, k, i] / reach, 0.0), 1.0)  # nor do those far away
+                        total += found * share * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
+                    room[j, k, i] = found
+            rows[n, j] = total
+    for n in range(len(regions)):
+        whole = 0.5 * (rows[n] + rows[n, ::-1]).sum()  # mirrored flows stay mirrored to the last bit
+        if abs(gained[n]) <= ROUND_OFF * whole or whole == 0.0:
             continue
-        part = min(abs(gained[n]) / weights, LARGEST_RETURN)
-        for k in range(k0, k1):  # upwards: a cell's weight depends on the one above it
-            for j in range(j0, j1):
+        part = math.copysign(min(abs(gained[n]) / whole, LARGEST_RETURN), gained[n])
+        (j0, j1), (k0, k1), (i0, i1) = cells_near(regions, n, fraction.shape)
+        for j in prange(j0, j1):
+            for k in range(k0, k1):
                 for i in range(i0, i1):
-                    if o.nearest[j, k, i] == n and _surface_weight(fraction, o, j, k, i, taking) > 0.0:
-                        change = part * _movable(fraction[j, k, i], taking)
-                        fraction[j, k, i] -= change if taking else -change
+                    if nearest[j, k, i] == n:
+                        fraction[j, k, i] -= part * room[j, k, i]
