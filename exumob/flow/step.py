@@ -23,6 +23,7 @@ from exumob.flow import (
     free_surface,
     surface_at_solids,
     velocity_extension,
+    volume_at_solids,
     water_on_bed,
 )
 from exumob.flow.active_rows import ActiveRows, WaterCells, clear_outside
@@ -83,11 +84,6 @@ class Step:
     """At the begin, and from `place_solids` on at the end"""
     shear: Array
     """Wall friction and drag of lugs, from `predict`: wrenches in grid axes [N, N m], shape (n, 6)"""
-    given: Array
-    """Water that the step has given to the cells near each solid, and its closed part at the begin, by rows [m^3],
-    from `place_solids` on; shape (n, ny)"""
-    closed: Array
-    """Volume of each solid as the cells have it at the begin, by rows [m^3], from `place_solids` on; shape (n, ny)"""
 
     @property
     def yaw(self) -> float:
@@ -147,6 +143,7 @@ class TimeStep:
         self.relative = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self.viscosity = np.full(shape, settings.viscosity)
         self._cells = WaterCells.empty(shape)
+        self._closed = volume_at_solids.ClosedParts(shape)
         self._change = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self._theta = np.ones(shape), np.ones(shape), np.ones(shape)
         unknown = np.full(shape, free_surface.UNKNOWN)
@@ -188,7 +185,6 @@ class TimeStep:
         return Step(
             dt, old, new, frame, mean_grid_velocity(old.frame, frame, dt), self.far(frame),
             self._cells._replace(fraction=new.fraction, wet=new.wet), self.placement.solids, np.zeros(0),
-            np.zeros((0, 0)), np.zeros((0, 0)),
         )  # fmt: skip
 
     # -- the phases -----------------------------------------------------------------------------------------------
@@ -210,17 +206,15 @@ class TimeStep:
     def place_solids(self, step: Step, poses: Poses) -> None:
         """Solids and bed to where they are at the end, with the fraction in and at them and the wet cells."""
         new, bed = step.new, self.placement.bed
-        bodies, before = self.placement.bodies, self.placement.solids.regions
-        closed = surface_at_solids.closed_content(step.old.fraction, bodies, before, self.metrics)
-        content, step.closed = closed[:, :, 0], closed[:, :, 1]
+        self._closed.step()
         self.place(poses, step.frame, step.old.steps)
         step.solids = solids = self.placement.solids
         o = self.placement.area_fractions
         new.fraction[:], new.eta_y[:] = step.old.fraction, step.old.eta_y
-        step.given = content + surface_at_solids.release_surface(
+        surface_at_solids.release_surface(
             new.fraction, self._scratch, o, solids, step.grid_velocity, step.dt, self.metrics
         )
-        step.given += surface_at_solids.refill_solids(
+        surface_at_solids.refill_solids(
             new.fraction, o.distance, solids.regions, self.metrics, self.settings.refill_depth
         )
         if bed is not None:
@@ -293,17 +287,17 @@ class TimeStep:
         new.volume_added = step.old.volume_added + added
 
     def _return_volume(self, step: Step) -> None:
-        """Even out, over a flat bed, what the motion of the solids and their refilling have added to the water."""
-        fraction, bodies, regions = step.new.fraction, self.placement.bodies, step.solids.regions
-        if not len(regions) or self.placement.bed is not None:  # a given bed refills cells of its own
+        """Take from the surface near the solids what their motion has added to the water in this step."""
+        placement, closed, regions, m = self.placement, self._closed, step.solids.regions, self.metrics
+        if not len(regions):
             return
-        closed = surface_at_solids.closed_content(fraction, bodies, regions, self.metrics)
-        left, closed = _over_rows(closed[:, :, 0]), _over_rows(closed[:, :, 1])
-        # the volume of a body as the cells have it depends on its place in them: no water is added or taken by that
-        apparent = left / np.maximum(closed, 1e-300) * (closed - _over_rows(step.closed))
-        gained = _over_rows(step.given) - left + apparent
-        surface_at_solids.return_volume(
-            fraction, self._scratch, gained, bodies, regions, self.placement.margin, self.metrics
+        fraction, bodies, heights = step.new.fraction, placement.bodies, placement.bed_heights
+        fractions = step.old.fraction, step.cells.fraction, fraction
+        volumes = volume_at_solids.gained(
+            fractions, (closed.before, closed.now), bodies.nearest, regions, heights, m
+        )  # fmt: skip
+        volume_at_solids.return_volume(
+            fraction, self._scratch, volumes, closed.now, bodies, regions, placement.margin, heights, m
         )
 
     def loads(self, step: Step, slip_momentum: Array) -> Loads:
@@ -384,6 +378,7 @@ class TimeStep:
     def place(self, poses: Poses, frame: Array, steps: int) -> None:
         """Put solids and grid at their poses; after the first of the steps done, warn of an uneven bed underway."""
         moved = self.placement.place(poses, frame)
+        self._closed.mark(self.placement.bodies, self.placement.solids.regions, self.metrics)
         if moved and steps > 0:
             self.check_water(self.far(frame), start=False)
 
@@ -419,11 +414,6 @@ class TimeStep:
         """Largest rate at which water crosses cells [1/s]."""
         advection.largest_courant(relative, fraction, self.metrics, rows, self._rates)
         return float(self._rates.max())
-
-
-def _over_rows(values: Array) -> Array:
-    """Sums of shape (n,) over the rows of an array (n, ny), the same to the last bit for mirrored rows."""
-    return 0.5 * (values + values[:, ::-1]).sum(axis=1)
 
 
 def mean_grid_velocity(before: Array, after: Array, dt: float) -> GridVelocity:

@@ -18,13 +18,6 @@ from exumob.flow.poses import PlacedSolids, body_velocity, cells_near
 from exumob.support.arrays import Array
 from exumob.support.kernels import njit
 
-WALL = 1.5
-"""Distance from the wall, over the sum of a cell's widths, beyond which cells are wholly open or closed [-]."""
-ROUND_OFF = 1.0e-13
-"""Change of the fraction below which the volume counts as right [-]."""
-LARGEST_RETURN = 0.1
-"""Most of a cell's water, or air, that is taken in one step for the volume to be right [-]."""
-
 
 @njit(cache=True, error_model="numpy")
 def sample_outside(
@@ -59,17 +52,8 @@ def sample_outside(
     return total / weights if weights > 1e-6 else -1.0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def open_share(o: AreaFractions, j: int, k: int, i: int) -> float:
-    """Mean area fraction of a cell's six faces; pairs are added first, so that mirrored cells agree to the last bit."""
-    x, y, z = o.bx[j, k, i] + o.bx[j, k, i + 1], o.by[j, k, i] + o.by[j + 1, k, i], o.bz[j, k, i] + o.bz[j, k + 1, i]
-    return (x + y + z) / 6.0
-
-
 @njit(cache=True, error_model="numpy", parallel=True)
-def refill_solids(
-    fraction: Array, distance: Array, regions: NDArray[np.int64], metrics: Metrics, depth: float
-) -> Array:
+def refill_solids(fraction: Array, distance: Array, regions: NDArray[np.int64], metrics: Metrics, depth: float) -> None:
     """Give cells inside solids, up to `depth` cells below the wall, the fraction of the fluid beside them.
 
     Parameters
@@ -82,13 +66,7 @@ def refill_solids(
         Index boxes of the solids.
     depth : float
         [cells]
-
-    Returns
-    -------
-    array, shape (n, ny)
-        Volume on full cells given near each solid, by rows [m^3].
     """
-    given = np.zeros((len(regions), fraction.shape[0]))
     for n in range(len(regions)):
         (j0, j1), (k0, k1), (i0, i1) = cells_near(regions, n, fraction.shape)
         for j in prange(j0, j1):
@@ -113,16 +91,21 @@ def refill_solids(
                         (j, k, i), metrics,
                     )  # fmt: skip
                     if value >= 0.0:
-                        given[n, j] += (value - fraction[j, k, i]) * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
                         fraction[j, k, i] = value
-    return given
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def open_share(o: AreaFractions, j: int, k: int, i: int) -> float:
+    """Mean area fraction of a cell's six faces; pairs are added first, so that mirrored cells agree to the last bit."""
+    x, y, z = o.bx[j, k, i] + o.bx[j, k, i + 1], o.by[j, k, i] + o.by[j + 1, k, i], o.bz[j, k, i] + o.bz[j, k + 1, i]
+    return (x + y + z) / 6.0
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def release_surface(
     fraction: Array, changed: Array, area_fractions: AreaFractions, solids: PlacedSolids, grid_velocity: GridVelocity,
     dt: float, metrics: Metrics,
-) -> Array:  # fmt: skip
+) -> None:  # fmt: skip
     """Correct the fraction of partly closed cells for the motion of the solid along its own wall.
 
     The transport carries the fraction of a cell with the solid's velocity in the share of the cell that the solid
@@ -144,14 +127,8 @@ def release_surface(
     dt : float
         [s]
     metrics : Metrics
-
-    Returns
-    -------
-    array, shape (n, ny)
-        Volume on full cells given near each solid, by rows [m^3].
     """
     o, regions = area_fractions, solids.regions
-    given = np.zeros((len(regions), fraction.shape[0]))
     for n in range(len(regions)):
         (j0, j1), (k0, k1), (i0, i1) = cells_near(regions, n, fraction.shape)
         for j in prange(j0, j1):
@@ -197,109 +174,4 @@ def release_surface(
             for k in range(k0, k1):
                 for i in range(i0, i1):
                     if o.nearest[j, k, i] == n and 0.001 <= open_share(o, j, k, i) <= 0.999:
-                        change = changed[j, k, i] - fraction[j, k, i]
-                        given[n, j] += change * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
                         fraction[j, k, i] = changed[j, k, i]
-    return given
-
-
-@njit(cache=True, error_model="numpy", parallel=True)
-def closed_content(fraction: Array, bodies: AreaFractions, regions: NDArray[np.int64], metrics: Metrics) -> Array:
-    """Water in the closed part of the cells near each solid, and the volume of that part, by rows.
-
-    Returns
-    -------
-    array, shape (n, ny, 2)
-        Water as the fraction on full cells has it, and closed volume [m^3].
-    """
-    distance, nearest = bodies.distance, bodies.nearest
-    content = np.zeros((len(regions), fraction.shape[0], 2))
-    for n in range(len(regions)):
-        (j0, j1), (k0, k1), (i0, i1) = cells_near(regions, n, fraction.shape)
-        for j in prange(j0, j1):
-            water, closed = 0.0, 0.0
-            for k in range(k0, k1):
-                for i in range(i0, i1):
-                    reach = WALL * (metrics.dx[i] + metrics.dy[j] + metrics.dz[k])
-                    d = distance[j, k, i]
-                    if d > reach or nearest[j, k, i] != n:
-                        continue
-                    share = open_share(bodies, j, k, i) if d > -reach else 0.0
-                    volume = (1.0 - share) * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
-                    water += fraction[j, k, i] * volume
-                    closed += volume
-            content[n, j, 0], content[n, j, 1] = water, closed
-    return content
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _room(fraction: Array, j: int, k: int, i: int, taking: bool) -> float:
-    """Water that can be taken from the surface in a cell, or air in it that can be filled [-]; 0 away from the surface.
-
-    The surface is in a cell as far as the cell above is less than half full, for taking, or the one below more than
-    half full, for giving. Both go to 0 with the fraction that they depend on: neither the last digits of full cells
-    nor a film or a drop decide who takes part.
-    """
-    c = fraction[j, k, i]
-    if taking:
-        return min(max(c, 0.0), 1.0) * max(1.0 - 2.0 * fraction[j, k + 1, i], 0.0)
-    below = fraction[j, k - 1, i] if k > HALO else c
-    return max(1.0 - c, 0.0) * max(2.0 * min(below, 1.0) - 1.0, 0.0)
-
-
-@njit(cache=True, error_model="numpy", parallel=True)
-def return_volume(
-    fraction: Array, room: Array, gained: Array, bodies: AreaFractions, regions: NDArray[np.int64], reach: float,
-    metrics: Metrics,
-) -> None:  # fmt: skip
-    """Give the surface near each solid what its motion has taken from the water, or take what it has added.
-
-    A wall that moves through the grid closes and opens cells by its place, and displaces water by its velocity: near
-    the surface the two agree to a few per cent of the displaced water. Cells inside solids are refilled, too. What this
-    adds or takes is spread over the cells of the surface near the solid. Where there are none, the solid is dry or
-    submerged and nothing is done.
-
-    Parameters
-    ----------
-    fraction : array, changed
-        [-]
-    room : array, changed
-        Work space.
-    gained : array, shape (n,)
-        Volume that the motion of each solid has added to the water [m^3].
-    bodies : AreaFractions
-    regions : array of int, shape (n, 6)
-    reach : float
-        Distance from the solid at which the surface is no longer near it [m]; the regions reach so far at least.
-    metrics : Metrics
-    """
-    distance, nearest = bodies.distance, bodies.nearest
-    rows = np.zeros((len(regions), fraction.shape[0]))
-    for n in range(len(regions)):
-        (j0, j1), (k0, k1), (i0, i1) = cells_near(regions, n, fraction.shape)
-        taking = gained[n] > 0.0
-        for j in prange(j0, j1):
-            total = 0.0
-            for k in range(k0, k1):
-                for i in range(i0, i1):
-                    if nearest[j, k, i] != n:
-                        continue
-                    found = _room(fraction, j, k, i, taking)
-                    if found > 0.0:
-                        share = open_share(bodies, j, k, i)
-                        found *= max(2.0 * share - 1.0, 0.0)  # cells half closed or more take no part
-                        found *= min(max(2.0 - 2.0 * distance[j, k, i] / reach, 0.0), 1.0)  # nor do those far away
-                        total += found * share * metrics.dx[i] * metrics.dy[j] * metrics.dz[k]
-                    room[j, k, i] = found
-            rows[n, j] = total
-    for n in range(len(regions)):
-        whole = 0.5 * (rows[n] + rows[n, ::-1]).sum()  # mirrored flows stay mirrored to the last bit
-        if abs(gained[n]) <= ROUND_OFF * whole or whole == 0.0:
-            continue
-        part = math.copysign(min(abs(gained[n]) / whole, LARGEST_RETURN), gained[n])
-        (j0, j1), (k0, k1), (i0, i1) = cells_near(regions, n, fraction.shape)
-        for j in prange(j0, j1):
-            for k in range(k0, k1):
-                for i in range(i0, i1):
-                    if nearest[j, k, i] == n:
-                        fraction[j, k, i] -= part * room[j, k, i]
