@@ -108,8 +108,8 @@ def _verdict(c: CardContents) -> str:
         alone = f", with the published coefficients {100.0 * float(np.mean(known)):.3g} %" if known else ""
         shares = 100.0 * float(np.mean([one["fallback"] for one in c.figures["drives"]]))
         drives = (
-            f"Drives end {100.0 * float(np.mean(ends)):.3g} % of the path (at worst {100.0 * max(ends):.3g} %) from those "
-            f"with the flow in the loop{alone}; the coefficient model gave {shares:.0f} % of the loads in them."
+            f"Drives end {100.0 * float(np.mean(ends)):.3g} % of the path (at worst {100.0 * max(ends):.3g} %) from "
+            f"those with the flow in the loop{alone}; the coefficient model gave {shares:.0f} % of the loads in them."
         )
     return (
         f"On runs that they have not seen the loads are off by {error:.2f} of their deviation, {better} the published "
