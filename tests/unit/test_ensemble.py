@@ -77,7 +77,7 @@ def test_a_damaged_file_is_refused(file, tmp_path):
     (tmp_path / "bad.safetensors").write_bytes(bytes(data))
     with pytest.raises(ValueError, match="is damaged"):
         load_members(tmp_path / "bad.safetensors")
-    with pytest.raises(ValueError, match="no such file of networks"):
+    with pytest.raises(ValueError, match=r"none\.safetensors"):
         load_members(tmp_path / "none.safetensors")
     header = {"format": "exumob ensemble", "version": 1}
     for members, message in (([], "does not say what its members are"), ([{}], "architecture"), ([3], "does not say")):
