@@ -208,6 +208,7 @@ OPTION_NAMES = {
     "StartPose.y": "--start-y",
     "PathFollowing.waypoints": "--path",
     "read_river.source =": "--river",
+    "training_runs.folder =": "--data",
     "Water.level": "--level",
     "CrossSection.read: file": "file",
     "CrossSection.water.level": "--level",

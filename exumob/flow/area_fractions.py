@@ -21,6 +21,8 @@ from exumob.support.kernels import njit
 SHARP = 0.5
 """Change of the distance's slopes over a cell (sum over the axes) from which its edge counts as sharp, fully at twice
 that [-]; on a sphere it is 2 cells over the radius."""
+NARROWEST = 1e-6
+"""Smallest area fraction that counts as open [-]: less is round-off (the ramps are kept in single precision)."""
 FAR = 1.0e3
 """Signed distance stored where no solid is near [m]."""
 
@@ -231,6 +233,7 @@ def _close_face(
     over the low and the high half along x, y, z, and last what an edge leaves open.
     """
     share = 0.5 * (np.float64(before[2 * axis + 1]) + here[2 * axis])
+    share = share if share > NARROWEST else 0.0
     unsharpened[cell] = min(share, unsharpened[cell])
     share *= min(before[6], here[6])
     if share < sharpened[cell]:

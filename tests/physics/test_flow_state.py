@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box, cylinder
+from exumob.flow.placement import Placement
 from exumob.support.errors import SimulationError
 from exumob.water.conditions import Water
 
@@ -73,6 +74,20 @@ def test_spray_beside_a_wheel_gathers_no_speed():
     u, v, _ = solver.velocity
     assert np.abs(u).max() < 1.6
     assert np.abs(v).max() < 1.6
+
+
+@pytest.mark.parametrize("quarter", [0, 1, 2, 3])
+def test_round_off_opens_no_face(quarter):
+    """A quarter of a cell off, faces behind a wall once stayed open by 1e-8, and the pressure did not converge."""
+    size = 1.0 / 60.0
+    grid = Grid(np.arange(-10, 11) * size, np.arange(-10, 11) * size, np.linspace(0.0, 0.3, 7))
+    placement = Placement(grid, (box(0.1, 0.1, 0.5),), None, FlowSettings(follow=None))
+    for hair in np.linspace(-1e-8, 1e-8, 9):
+        place = (0.25 * quarter + hair) * size
+        placement.place(Poses.at_rest([[place, place, 0.23]]), np.zeros(3))
+        walls = placement.area_fractions
+        for faces in (walls.ax, walls.ay, walls.az):
+            assert not ((faces > 0.0) & (faces < 1e-6)).any()
 
 
 def test_flow_that_stops_hands_over_its_state_before_the_failed_step():
