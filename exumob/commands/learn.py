@@ -55,7 +55,10 @@ def learn_command(  # one argument an option of the command line
         float | None,
         option(EXPERT, "Width of the flow solver's cells. Default: 0.0575 of the tyre's diameter.", of=CELL_SIZE),
     ] = None,
-    preset: Annotated[str, option(EXPERT, "What to train, by name (`exumob train`).")] = "residual",
+    preset: Annotated[
+        str | None,
+        option(EXPERT, "What to train, by name (`exumob train`). Default: as the networks that come with exumob."),
+    ] = None,
     seeds: Annotated[int, option(EXPERT, "Networks of each body; their spread is the error bar.")] = 5,
     run_time: Annotated[
         float | None,
@@ -82,9 +85,9 @@ def learn_command(  # one argument an option of the command line
                 raise ValueError(f"{name} {shown(number)} must be 1 to {MOST}; give a number within.")
         if output is None and not plan:
             raise ValueError("--output is missing; give the folder for runs and networks, or --plan to see the plan.")
-        from exumob.learning.presets import PRESETS
+        from exumob.learning.presets import BEST, PRESETS
 
-        if preset not in PRESETS:
+        if preset is not None and preset not in PRESETS:
             raise ValueError(f"--preset {shown(preset)} is not known; use {', '.join(PRESETS)}.")
         car = vehicle_of(vehicle)
         with option_names():
@@ -99,13 +102,15 @@ def learn_command(  # one argument an option of the command line
             folder = LearningFolder(output)
             folder.claim(car, size)
         envelope = _envelope(car, wanted, output if output is not None else Path())
+        if folder is not None:
+            keep_envelope(envelope, car, wanted, folder.path)
         with option_names():
-            made = make_plan(car, wanted, budget, size, envelope, seeds=seeds, run_time=run_time)
+            chosen = PRESETS[BEST if preset is None else preset]
+            made = make_plan(car, wanted, budget, size, envelope, seeds=seeds, preset=chosen, run_time=run_time)
         for line in made.lines(jobs):
             console.print(line, soft_wrap=True)
         if folder is None:
             return
-        keep_envelope(envelope, car, wanted, folder.path)
         folder.load(mixed)
     except (ValueError, OSError) as error:
         fail(error)
@@ -113,7 +118,7 @@ def learn_command(  # one argument an option of the command line
         fail(ImportError(f"{error}; training needs torch: pip install 'exumob[train]'"))
     try:
         failed = _make_runs(made, folder, jobs, mixed)
-        _train(made, folder, preset, jobs, mixed, failed)
+        _train(made, folder, jobs, mixed, failed)
     except (ValueError, RuntimeError, OSError) as error:
         fail(error)
     except KeyboardInterrupt:
@@ -172,14 +177,13 @@ def _make_runs(made: LearningPlan, folder: LearningFolder, jobs: int, mixed: boo
 
 
 def _train(
-    made: LearningPlan, folder: LearningFolder, preset: str, jobs: int, mixed: bool, failed: dict[str, str]
+    made: LearningPlan, folder: LearningFolder, jobs: int, mixed: bool, failed: dict[str, str]
 ) -> None:  # fmt: skip
     """Train, validate, and say what came of it."""
     import matplotlib
 
     matplotlib.use("Agg")
     from exumob.learning.learn import learn_from
-    from exumob.learning.presets import PRESETS
     from exumob.learning.training import Progress
 
     with counting_bar("training", 5 * made.seeds, "networks") as (bar, task):
@@ -187,7 +191,7 @@ def _train(
         def progress(step: Progress) -> None:
             bar.update(task, description=f"training, seed {step.seed}, {step.body}", advance=1 if step.done else 0)
 
-        found = learn_from(made, folder, PRESETS[preset], jobs=jobs, mixed=mixed, failed=failed, progress=progress)
+        found = learn_from(made, folder, jobs=jobs, mixed=mixed, failed=failed, progress=progress)
     figures = found.figures
     ends = [100.0 * one["end"] for one in figures["drives"]]
     console.print(

@@ -17,15 +17,17 @@ PAPER_TAPS = 3
 """Samples in that window."""
 
 
+def seed_time(preset: Preset, simulated: float) -> float:
+    """Return the time that one seed takes on one core [s], from runs of so many simulated seconds."""
+    kind = preset.architecture
+    usual = LSTM_TIME * kind.taps / PAPER_TAPS if kind.layer == "lstm" else OTHER_TIME
+    return max(usual, OTHER_TIME) * preset.epochs / 100.0 * simulated / MEASURED_TIME
+
+
 def training_time(presets: Sequence[Preset], runs: Mapping[str, xr.Dataset], seeds: int) -> float:
     """Return the time that training takes on one core [s], if nothing of it is there yet."""
     simulated = sum(float(run["time"][-1]) for run in runs.values())
-    a_seed = 0.0
-    for preset in presets:
-        kind = preset.architecture
-        usual = LSTM_TIME * kind.taps / PAPER_TAPS if kind.layer == "lstm" else OTHER_TIME
-        a_seed += max(usual, OTHER_TIME) * preset.epochs / 100.0
-    return a_seed * seeds * simulated / MEASURED_TIME
+    return seeds * sum(seed_time(preset, simulated) for preset in presets)
 
 
 def announce_training(presets: Sequence[Preset], runs: Mapping[str, xr.Dataset], seeds: int, jobs: int) -> None:

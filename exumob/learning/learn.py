@@ -11,7 +11,6 @@ import xarray as xr
 
 from exumob.learning.campaign import LearningFolder
 from exumob.learning.plan import LearningPlan
-from exumob.learning.presets import Preset
 from exumob.learning.report_card import CardContents, report_card
 from exumob.learning.training import Progress, train
 from exumob.learning.validation import card_figures, compare_drives, compare_loads, load_errors
@@ -36,7 +35,7 @@ class Learnt:
 
 
 def learn_from(  # each argument is a choice of its own
-    plan: LearningPlan, folder: LearningFolder, preset: Preset, *, jobs: int = 1, mixed: bool = False,
+    plan: LearningPlan, folder: LearningFolder, *, jobs: int = 1, mixed: bool = False,
     failed: Mapping[str, str] | None = None, progress: Callable[[Progress], None] | None = None,
 ) -> Learnt:  # fmt: skip
     """Train networks from the runs of a folder, try them on those kept apart, and write networks and report card.
@@ -48,7 +47,6 @@ def learn_from(  # each argument is a choice of its own
     ----------
     plan : LearningPlan
     folder : LearningFolder
-    preset : Preset
     jobs : int
         Processes of the training.
     mixed : bool
@@ -71,7 +69,7 @@ def learn_from(  # each argument is a choice of its own
             f"--output {folder.path}: {len(taught)} runs to learn from and {len(apart)} kept apart; {LEAST_TAUGHT} and "
             "one are the least. See why runs broke down, or give a larger --budget."
         )
-    files = train([preset], taught, plan.vehicle, folder.path / "networks", seeds=range(plan.seeds), jobs=jobs,
+    files = train([plan.preset], taught, plan.vehicle, folder.path / "networks", seeds=range(plan.seeds), jobs=jobs,
                   progress=progress)  # fmt: skip
     members = [NetworkSet.load(file) for file in files.values()]
     compared = {name: compare_loads(members, run, plan.vehicle) for name, run in apart.items()}
@@ -79,8 +77,7 @@ def learn_from(  # each argument is a choice of its own
     drives = compare_drives(members, plan, apart)
     figures = card_figures(plan, members, errors, drives, taught, apart)
     contents = CardContents(
-        plan, figures, errors, drives, taught, apart, compared, dict(failed or {}), preset.name,
-        preset.architecture.memory, _spent(runs)
+        plan, figures, errors, drives, taught, apart, compared, dict(failed or {}), _spent(runs)
     )  # fmt: skip
     card = folder.path / CARD
     write_text(card, report_card(contents))
@@ -88,6 +85,6 @@ def learn_from(  # each argument is a choice of its own
 
 
 def _spent(runs: Mapping[str, xr.Dataset]) -> float:
-    """Time of cores that runs took [h]."""
+    """Wall time of the runs, each in one process [h]."""
     names = ("wall_time", "settling_wall_time")
     return sum(float(run.attrs.get(name, 0.0)) for run in runs.values() for name in names) / 3600.0

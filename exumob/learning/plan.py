@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
@@ -24,7 +24,8 @@ from exumob.flow.cost import COURANT_FACTOR, FlowCost, flow_cost
 from exumob.flow.grid import CELL_SIZE
 from exumob.flow.resolution import lengths_in_cells
 from exumob.flow.vehicle_window import vehicle_window
-from exumob.learning.cost import MEASURED_TIME, OTHER_TIME
+from exumob.learning.cost import seed_time
+from exumob.learning.presets import BEST, PRESETS, Preset
 from exumob.simulation.cost import REPEATED, driving_time
 from exumob.simulation.settings import time_scale, usual_speed
 from exumob.support.cost import cores, spelled_size, spelled_time
@@ -37,10 +38,13 @@ from exumob.water.conditions import Water
 
 Directions = Literal["ahead", "along", "all"]
 """Where currents come from: from ahead; from ahead and behind; from all sides."""
+LISTED = 25
+"""Runs that a plan lists one by one."""
 BUDGET = Quantity("h", above=0.0, at_most=1e6)
 """Time of a core"""
-CORNERS = 4
-"""Captive runs at the ends of the ranges of depth and current; they come first and are never kept apart."""
+CORNERS = ((0.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.5), (1.0, 0.0, 0.0))
+"""Shares of the ranges of depth, current and its direction in the first captive runs, which are never kept apart: the
+fastest current comes from ahead, where most drives are, and from behind."""
 APART = 5
 """One captive run in so many is kept apart: the last of each group."""
 CAPTIVE_TIME, RAMP = 8.0, 1.0
@@ -49,7 +53,7 @@ FREE_SHARE = 0.2
 """Part of the budget for free runs."""
 MOST_FREE, MOST_CAPTIVE = 6, 1000
 """Most runs of each kind that are planned."""
-INTERVALS = (10e-3, 5e-3, 4e-3, 2e-3, 1e-3)
+INTERVALS = (10e-3, 5e-3, 4e-3, 2.5e-3, 2e-3, 1.5e-3, 1.25e-3, 1e-3)
 """Intervals of the loads of captive runs [s]: the longest one that the flow goes through in one step is taken."""
 MICRO_STEP, LONGEST_MACRO_STEP = 5e-4, 4e-3
 """Steps of the free runs [s]; the macro steps follow the flow."""
@@ -161,6 +165,7 @@ class LearningPlan:
     budget: float
     """[h]"""
     seeds: int
+    preset: Preset
     tasks: tuple[Task, ...]
     resolved: tuple[str, ...]
     """Lengths of the vehicle that have cells enough"""
@@ -180,7 +185,7 @@ class LearningPlan:
     @property
     def training_hours(self) -> float:
         """Time of a core for the training [h]."""
-        return training_time(self.tasks, self.seeds) / 3600.0
+        return _training(self.tasks, self.preset, self.seeds) / 3600.0
 
     def lines(self, jobs: int) -> list[str]:
         """Describe the plan in lines of text.
@@ -223,8 +228,10 @@ class LearningPlan:
         )
         found += [
             f"          {task.name}: {_described(task, car)}; {task.cost.cells:,.0f} cells, {task.cost.steps:,.0f} "
-            f"steps, {spelled_time(task.cost.seconds)} of a core" for task in self.tasks
+            f"steps, {spelled_time(task.cost.seconds)} of a core" for task in self.tasks[:LISTED]
         ]  # fmt: skip
+        if (more := len(self.tasks) - LISTED) > 0:
+            found.append(f"          and {more} more captive one{'s' if more > 1 else ''}")
         side_by_side = max(min(jobs, cores()), 1)
         total = self.core_hours + self.training_hours
         found.append(
@@ -267,6 +274,7 @@ def make_plan(  # each argument is a choice of its own
     envelope: Envelope,
     *,
     seeds: Annotated[int, Quantity("1", at_least=1, at_most=1000)] = 5,
+    preset: Preset = PRESETS[BEST],
     run_time: Annotated[float | None, Quantity("s", at_least=0.05, at_most=1e4)] = None,
 ) -> LearningPlan:
     """Plan the runs that a budget buys.
@@ -283,6 +291,8 @@ def make_plan(  # each argument is a choice of its own
         See `exumob.learning.envelope.envelope_of`.
     seeds : int
         Networks of each body.
+    preset : Preset
+        What is trained. Default: as the networks that come with exumob.
     run_time : float, optional
         Duration of a captive run [s]. Default: `CAPTIVE_TIME` times `time_scale`; free runs in proportion.
 
@@ -303,7 +313,7 @@ def make_plan(  # each argument is a choice of its own
     chosen: list[Task] = [*first, one_free]
 
     def price(tasks: list[Task]) -> float:
-        return (sum(task.cost.seconds for task in tasks) + training_time(tasks, seeds)) / 3600.0
+        return (sum(task.cost.seconds for task in tasks) + _training(tasks, preset, seeds)) / 3600.0
 
     if price(chosen) > budget:
         _refuse_budget(chosen, price(chosen), budget, cell_size)
@@ -326,7 +336,7 @@ def make_plan(  # each argument is a choice of its own
     grid = vehicle_window(vehicle, cell_size, first[0].water)
     resolved, lost = lengths_in_cells(vehicle, grid, (min(angles), max(angles)))
     return LearningPlan(
-        vehicle, wanted, envelope, cell_size, budget, seeds, tuple(chosen), tuple(resolved), tuple(lost)
+        vehicle, wanted, envelope, cell_size, budget, seeds, preset, tuple(chosen), tuple(resolved), tuple(lost)
     )  # fmt: skip
 
 
@@ -342,10 +352,9 @@ def _refuse_budget(least: list[Task], price: float, budget: float, cell_size: fl
     )
 
 
-def training_time(tasks: list[Task] | tuple[Task, ...], seeds: int) -> float:
-    """Return the time that training takes on one core [s]: see `exumob.learning.cost`."""
-    taught = sum(task.duration for task in tasks if task.role == "teach")
-    return OTHER_TIME * seeds * taught / MEASURED_TIME
+def _training(tasks: Sequence[Task], preset: Preset, seeds: int) -> float:
+    """Return the time that training takes on one core [s]."""
+    return seeds * seed_time(preset, sum(task.duration for task in tasks if task.role == "teach"))
 
 
 class _Costs:
@@ -388,13 +397,12 @@ def _captive(
     vehicle: Vehicle, wanted: LearningRange, envelope: Envelope, duration: float, costs: _Costs
 ) -> Iterator[CaptiveTask]:
     """Captive runs one after the other, without end."""
-    corners = [(0.0, 0.0), (1.0, 1.0), (0.0, 1.0), (1.0, 0.0)]
     low, high = envelope.speed
     for number in itertools.count():
         depth, current, side = _shares(number, 3)
         fast, *offsets = np.random.default_rng(number).uniform(size=1 + len(CHANNELS))
-        if number < CORNERS:
-            depth, current = corners[number]
+        if number < len(CORNERS):
+            depth, current, side = CORNERS[number]
         water = wanted.water(vehicle, depth, current, side)
         part = 0.4 + 0.6 * float(fast)
         ahead, back = part * high, part * min(low, 0.0)

@@ -61,11 +61,8 @@ class CardContents:
     compared: Mapping[str, Compared]
     failed: Mapping[str, str]
     """Errors of runs that broke down"""
-    preset: str
-    memory: float
-    """How far back the networks look [s]"""
     spent: float
-    """Time of cores that the runs took [h]"""
+    """Wall time of the runs, each in one process [h]"""
 
 
 def report_card(contents: CardContents) -> str:
@@ -90,10 +87,10 @@ def report_card(contents: CardContents) -> str:
 def _made(c: CardContents) -> str:
     provenance = next(iter(c.taught.values())).attrs
     return (
-        f"{c.figures['members']} sets of networks, preset {c.preset}; flow on cells of {1e3 * c.plan.cell_size:.3g} "
-        f"mm, {c.figures['seconds']:.0f} s to learn from, {c.spent:.2g} core hours for all runs (budget "
-        f"{c.plan.budget:g}); exumob {provenance.get('exumob_version', '?')} ({provenance.get('git_revision', '?')}), "
-        f"{str(provenance.get('date', ''))[:10]}."
+        f"{c.figures['members']} sets of networks, preset {c.plan.preset.name}; flow on cells of "
+        f"{1e3 * c.plan.cell_size:.3g} mm, {c.figures['seconds']:.0f} s to learn from; all runs took {c.spent:.2g} h "
+        f"on one core each ({c.plan.core_hours:.2g} h planned); exumob {provenance.get('exumob_version', '?')} "
+        f"({provenance.get('git_revision', '?')}), {str(provenance.get('date', ''))[:10]}."
     )
 
 
@@ -294,7 +291,7 @@ def _unknown(c: CardContents) -> list[str]:
         "Motions beyond the envelope of the drives that it came from (the figure above shows what was met).",
         "The error of the flow solver itself: all is compared with it, and no vehicle was measured in water.",
     ]
-    if c.memory < 0.1:
+    if c.plan.preset.architecture.memory < 0.1:
         found.insert(
             2, "The past: networks of this preset answer to the present motion; what lags behind it, as bow waves do, "
             "is an error of theirs."
@@ -314,13 +311,14 @@ def _run_table(c: CardContents) -> str:
         for name, run in runs.items():
             water = water_of(run)
             hours = (float(run.attrs.get("wall_time", 0.0)) + float(run.attrs.get("settling_wall_time", 0.0))) / 3600.0
+            side = math.degrees(math.remainder(water.current_direction - math.pi, 2.0 * math.pi))
             cells = (
                 html.escape(name), kind, f"{float(run['time'][-1]):.1f}",
                 f"{water.uniform_depth / c.plan.vehicle.wheel.diameter:.2f}", f"{water.current_speed:.2f}",
-                f"{math.degrees(math.remainder(water.current_direction - math.pi, 2.0 * math.pi)):.0f}", f"{hours:.3f}",
+                f"{side:.0f}" if water.current_speed > 0.0 else "-", f"{hours:.3f}",
             )  # fmt: skip
             rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
-    heads = ("run", "for", "time [s]", "depth ratio", "current [m/s]", "from ahead by [deg]", "core hours")
+    heads = ("run", "for", "time [s]", "depth ratio", "current [m/s]", "from ahead by [deg]", "took [h]")
     return f"<table><tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>{''.join(rows)}</table>"
 
 

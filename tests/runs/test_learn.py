@@ -19,7 +19,6 @@ from vehicle_models.amphibious import amphibious_vehicle
 
 pytest.importorskip("torch")
 from exumob.learning.learn import CARD, learn_from
-from exumob.learning.presets import PRESETS
 
 CAR = amphibious_vehicle()
 WANTED = LearningRange()
@@ -75,7 +74,7 @@ def test_networks_learn_and_the_card_says_what_they_are_worth(tmp_path):
     plan = make_plan(CAR, WANTED, 0.04, 0.06, ENVELOPE, seeds=2, run_time=2.0)
     folder = LearningFolder(tmp_path)
     assert not run_campaign(plan.tasks, CAR, folder, jobs=2, compute=coefficient_flow)
-    found = learn_from(plan, folder, PRESETS["residual"], jobs=2)
+    found = learn_from(plan, folder, jobs=2)
     figures = found.figures
     assert figures["coefficients_load_error"] > 0.1
     assert figures["load_error"] < 0.5 * figures["coefficients_load_error"]
