@@ -249,7 +249,8 @@ def _sides(directions: Directions) -> str:
 def _described(task: Task, vehicle: Vehicle) -> str:
     water = task.water
     angle = math.degrees(math.remainder(water.current_direction - math.pi, 2.0 * math.pi))
-    side = f" from {abs(angle):.0f} deg {'left' if angle > 0.0 else 'right'}" if abs(angle) > 0.5 else " from ahead"
+    side = f" from {abs(angle):.0f} deg {'left' if angle > 0.0 else 'right'}"
+    side = " from ahead" if abs(angle) < 0.5 else " from behind" if abs(angle) > 179.5 else side
     where = f"depth {water.uniform_depth / vehicle.wheel.diameter:.2f}, current {water.current_speed:.2f} m/s"
     where += side if water.current_speed > 0.0 else ""
     if isinstance(task, FreeTask):

@@ -76,6 +76,10 @@ def test_one_in_five_is_kept_apart_and_free_runs_all(plan):
     assert {task.role for task in free} == {"apart"}
     assert [maneuver_name(task.maneuver) for task in free[:3]] == ["lane change", "circle", "straight"]
     assert any(0.0 in task.motion.speeds for task in captive)
+    fastest = [task.water for task in captive[:4] if task.water.current_speed > 0.0]
+    assert [abs(math.remainder(water.current_direction, math.tau)) for water in fastest] == pytest.approx(
+        [math.pi, 0.0]
+    )
     assert any(min(task.motion.speeds) < 0.0 for task in captive)
 
 
@@ -166,11 +170,12 @@ def test_a_file_is_no_folder(tmp_path):
         LearningFolder(tmp_path / "x.nc")
 
 
-def test_captive_runs_teach_as_free_ones_do(short):
+@pytest.mark.parametrize("interval", [5e-3, 2.5e-3, 1.25e-3])
+def test_captive_runs_teach_as_free_ones_do(short, interval):
     """Loads are means over intervals: a straight line in time comes out as it is, without a shift."""
-    task = replace(short.tasks[0], interval=5e-3)
-    ends = 5e-3 * np.arange(1, round(task.duration / 5e-3) + 1)
-    middle = ends - 2.5e-3
+    task = replace(short.tasks[0], interval=interval)
+    ends = interval * np.arange(1, round(task.duration / interval) + 1)
+    middle = ends - 0.5 * interval
     result = xr.Dataset(
         {
             "force": (("time", "body", "axis"), np.ones((len(ends), 5, 3)) * (40.0 + 8.0 * middle)[:, None, None]),
@@ -183,7 +188,7 @@ def test_captive_runs_teach_as_free_ones_do(short):
     inside = (run["time"].values > middle[0]) & (run["time"].values < middle[-1])
     wanted = 40.0 + 8.0 * run["time"].values[inside]
     assert run["water_wrench"].values[inside, 2, 1] == pytest.approx(wanted, rel=1e-5)
-    assert run["time"].values[[0, -1]] == pytest.approx([5e-3, task.duration])
+    assert run["time"].values[[0, -1]] == pytest.approx([1e-3 * round(1e3 * interval), task.duration])
     place = task.motion.poses(CAR, task.water, 0.1).position
     assert run["position"].sel(time=0.1, method="nearest").values == pytest.approx(place, abs=1e-6)
     speed = np.gradient(run["velocity"].values[:, 0, 0].astype(float), run["time"].values)
