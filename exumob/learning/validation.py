@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.ground.soil import Soil
-from exumob.learning.dataset import base_loads, usable
+from exumob.learning.dataset import base_loads, usable, water_of
 from exumob.learning.evaluation import THINNING, closed_loop, predicted_loads
 from exumob.learning.plan import FreeTask, LearningPlan, maneuver_name
 from exumob.paper.reference_runs import SOIL
@@ -197,8 +197,6 @@ def card_figures(
     taught, apart : mapping
         Runs that networks have learnt from, and those kept apart, by name.
     """
-    from exumob.learning.dataset import water_of
-
     waters = [water_of(run) for run in taught.values()]
     ratios = [water.uniform_depth / plan.vehicle.wheel.diameter for water in waters]
     speeds = [water.current_speed for water in waters]
