@@ -16,6 +16,7 @@ from exumob.support.errors import SimulationError
 from exumob.support.provenance import parameters_json, provenance
 from exumob.towing_tank.excitation import Envelope
 from exumob.vehicle.motion import BodyStates
+from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.mesh_file import mesh_provenance
 
 ENVELOPE = Envelope(
@@ -24,6 +25,13 @@ ENVELOPE = Envelope(
 )  # fmt: skip
 MORE = 1.3
 """Loads over those of the coefficient model [-]."""
+
+
+class Larger(CoefficientHydrodynamics):
+    """Loads of the coefficient model, larger by `MORE`, in drives as in captive runs."""
+
+    def wrenches(self, history, predict):
+        return MORE * super().wrenches(history, predict)
 
 
 def described(task, vehicle):
@@ -84,8 +92,8 @@ def coefficient_flow(task, vehicle, checkpoint, progress):
         return histories_with(run, loads)
     sand = Soil.published(SOIL)
     result = simulate(
-        vehicle, sand, task.water, task.maneuver, "coefficients", duration=task.duration, micro_step=5e-4,
-        macro_step=1e-3, record_step=1e-3,
+        vehicle, sand, task.water, task.maneuver, Larger(), duration=task.duration, micro_step=5e-4, macro_step=1e-3,
+        record_step=1e-3,
     )  # fmt: skip
     return pack(result).assign_attrs(described(task, vehicle) | {"parameters": result.attrs["parameters"]})
 

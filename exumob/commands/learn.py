@@ -185,6 +185,7 @@ def _train(
     matplotlib.use("Agg")
     from exumob.learning.learn import learn_from
     from exumob.learning.training import Progress
+    from exumob.learning.validation import shortfall
 
     with counting_bar("training", 5 * made.seeds, "networks") as (bar, task):
 
@@ -206,5 +207,7 @@ def _train(
         else "drives    none could be compared with the flow in the loop",
         soft_wrap=True,
     )
+    if text := shortfall(figures):
+        console.print(f"beware    {text}", soft_wrap=True)
     console.print(f"networks  {found.networks}: exumob drive --networks {found.networks}", soft_wrap=True)
     console.print(f"card      {found.card}", soft_wrap=True)

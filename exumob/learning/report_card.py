@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from exumob.learning.dataset import body_states, water_of
 from exumob.learning.plan import FreeTask, LearningPlan
-from exumob.learning.validation import DEVIATIONS, TWO, Compared, Drive
+from exumob.learning.validation import BETTER, DEVIATIONS, TWO, Compared, Drive, shortfall
 from exumob.support.figures import STYLE
 from exumob.surrogates.inputs import network_inputs
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
@@ -95,9 +95,9 @@ def _made(c: CardContents) -> str:
 
 
 def _verdict(c: CardContents) -> str:
-    """Say in two sentences what the card says."""
+    """Say in a few sentences what the card says."""
     error, base = c.figures["load_error"], c.figures["coefficients_load_error"]
-    better = "better than" if error < 0.95 * base else "no better than" if error < 1.05 * base else "worse than"
+    better = "better than" if error < BETTER * base else "no better than" if error < 1.05 * base else "worse than"
     drives = "No drive could be compared with the flow in the loop."
     if c.figures["drives"]:
         ends, others = ([one[name] for one in c.figures["drives"]] for name in ("end", "coefficients_end"))
@@ -111,8 +111,8 @@ def _verdict(c: CardContents) -> str:
     return (
         f"On runs that they have not seen the loads are off by {error:.2f} of their deviation, {better} the published "
         f"coefficients alone ({base:.2f}). {drives} {100.0 * c.figures['inside']:.0f} % of the loads lie within two "
-        "deviations of the ensemble (a trustworthy error bar holds 95 %)."
-    )
+        f"deviations of the ensemble (a trustworthy error bar holds 95 %). {shortfall(c.figures)}"
+    ).rstrip()
 
 
 def _range_text(c: CardContents) -> str:

@@ -32,6 +32,8 @@ logger = logging.getLogger(__name__)
 DEVIATIONS = tuple(round(0.25 * n, 2) for n in range(1, 17))
 """Widths of error bars that are looked at, in standard deviations of the ensemble [-]."""
 TWO = DEVIATIONS.index(2.0)
+BETTER = 0.95
+"""Error over that of the coefficients from which networks are called no better than they are [-]."""
 LEAST_PATH = 0.05
 """Length of path from which the end of a drive is compared, over the vehicle's wheelbase [-]."""
 
@@ -179,6 +181,28 @@ def _drive(members: Sequence[NetworkSet], task: FreeTask, vehicle: Vehicle, refe
 def _path(run: xr.Dataset) -> Array:
     path = run["position"].sel(body="hull").values[:, :2].astype(float)
     return np.asarray((path - path[0]).T)
+
+
+def shortfall(figures: Mapping[str, Any]) -> str:
+    """Say where networks are no better than the published coefficients, and what to do; empty if they are better.
+
+    Parameters
+    ----------
+    figures : mapping
+        See `card_figures`.
+    """
+    worse = []
+    if figures["load_error"] >= BETTER * figures["coefficients_load_error"]:
+        worse.append("in the loads")
+    both = [(one["end"], one["coefficients_end"]) for one in figures["drives"] if one["coefficients_end"] is not None]
+    if both and sum(end for end, _ in both) >= BETTER * sum(other for _, other in both):
+        worse.append("in where drives end")
+    if not worse:
+        return ""
+    return (
+        f"These networks are no better than the published coefficients {' and '.join(worse)}: drive with coefficients, "
+        "or give the same command a larger --budget, which adds runs to those that are there."
+    )
 
 
 def card_figures(
