@@ -178,7 +178,8 @@ class Blending(NamedTuple):
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def blend(
-    blending: Blending, area_fractions: AreaFractions, solids: PlacedSolids, bed: int, metrics: Metrics
+    blending: Blending, area_fractions: AreaFractions, bodies: AreaFractions, solids: PlacedSolids, bed: int,
+    metrics: Metrics,
 ) -> Array:  # fmt: skip
     """Draw small open faces towards the extended velocity without its part through the wall; set closed ones to it.
 
@@ -188,10 +189,15 @@ def blend(
     gather speed. Only in the wedge between a given bed and what rolls over it, which water leaves by faces hardly open
     alone, is it drawn towards the walls' own velocity instead: a film that is squeezed sticks to them.
 
+    Faces that a sharp edge closes take the slip velocity mirrored at that of the solid, 2 u_solid - u_slip: what the
+    advection carries past the edge then has the solid's velocity at the wall, as without slip, and the flow separates
+    there. With the slip velocity itself momentum would leak round the edge, and the shear layer into the wake with it.
+
     Parameters
     ----------
     blending : Blending
-    area_fractions : AreaFractions
+    area_fractions, bodies : AreaFractions
+        Of solids and a given bed, and of the solids alone.
     solids : PlacedSolids
         The solids and, last, a given bed.
     bed : int
@@ -211,7 +217,7 @@ def blend(
         (j0, j1), _, _ = cells_near(solids.regions, n, wet.shape)
         for j in prange(j0, j1):
             here = Blending(velocity, extended, wet, density, dt)
-            _blend_row(j, n, here, area_fractions, solids, bed, metrics, rows[j])
+            _blend_row(j, n, here, area_fractions, bodies, solids, bed, metrics, rows[j])
         for j in range(ny):
             for m in range(6):
                 wrenches[n, m] += rows[j, m]
@@ -220,8 +226,8 @@ def blend(
 
 @njit(cache=True, error_model="numpy")
 def _blend_row(
-    j: int, n: int, blending: Blending, area_fractions: AreaFractions, solids: PlacedSolids, bed: int,
-    metrics: Metrics, wrench: Array,
+    j: int, n: int, blending: Blending, area_fractions: AreaFractions, bodies: AreaFractions, solids: PlacedSolids,
+    bed: int, metrics: Metrics, wrench: Array,
 ) -> None:  # fmt: skip
     """Row j of `blend` for solid n."""
     velocity, extended, wet, density, dt = blending
@@ -259,6 +265,9 @@ def _blend_row(
                 )
                 along = gx if axis == 0 else (gy if axis == 1 else gz)
                 target = extended[axis][j, k, i] - along * through
+                if n != bed:
+                    own = ux if axis == 0 else (uy if axis == 1 else uz)
+                    target += 2.0 * _closed_by_edge(bodies, axis, j, k, i) * (own - target)
                 if not math.isfinite(target):
                     on_bed = o.nearest[j, k, i] == bed or o.nearest[jb, kb, ib] == bed
                     if not (on_bed or o.nearest[j, k - 1, i] == bed or o.nearest[jb, kb - 1, ib] == bed):
@@ -278,6 +287,17 @@ def _blend_row(
                     add_wrench(wrench, (x, y, z), (fx, fy, force if axis == 2 else 0.0))
                     target = here + change
                 velocity[axis][j, k, i] = target
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _closed_by_edge(bodies: AreaFractions, axis: int, j: int, k: int, i: int) -> float:
+    """Share of the face (axis; j, k, i) left open by the solids' walls that their sharp edges close [-]."""
+    b, a = bodies.bx[j, k, i], bodies.ax[j, k, i]
+    if axis == 1:
+        b, a = bodies.by[j, k, i], bodies.ay[j, k, i]
+    elif axis == 2:
+        b, a = bodies.bz[j, k, i], bodies.az[j, k, i]
+    return 1.0 - b / a if b < a else 0.0
 
 
 @njit(cache=True, error_model="numpy", inline="always")
