@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -18,6 +17,7 @@ from exumob.commands.options import (
     WATER,
     option,
     option_names,
+    radians,
     refuse_without_effect,
 )
 from exumob.commands.report import report_run
@@ -305,12 +305,12 @@ def soil_with(name: str, values: list[str]) -> Soil:
     from exumob.support.declared import declared_fields, nearest_names
 
     soil = Soil.published(name)
-    names = [field.name for field in declared_fields(Soil) if field.quantity is not None]
+    names = {field.name: field.quantity for field in declared_fields(Soil) if field.quantity is not None}
     changed: dict[str, float] = {}
     for text in values:
         key, _, number = text.partition("=")
         if key not in names:
-            near = nearest_names(key, names)
+            near = nearest_names(key, list(names))
             raise ValueError(
                 f"--soil-value {text!r:.60} is not known; use {near[0] if near else ', '.join(names)}=VALUE."
             )
@@ -320,8 +320,8 @@ def soil_with(name: str, values: list[str]) -> Soil:
             changed[key] = float(number)
         except ValueError:
             raise ValueError(f"--soil-value {text!r:.60} holds no number; give {key}=VALUE.") from None
-        if key == "friction_angle":
-            changed[key] = math.radians(changed[key])
+        if names[key].unit == "rad":
+            changed[key] = radians(f"--soil-value {key}", changed[key], names[key])
     try:
         return replace(soil, **changed, name=f"{soil.name}, changed") if changed else soil  # type: ignore[arg-type]
     except ValueError as error:

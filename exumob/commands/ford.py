@@ -12,6 +12,7 @@ from exumob.commands.driving import (
     CheckpointFile,
     CouplingScheme,
     FlowOptions,
+    Members,
     ModelOption,
     Networks,
     Resume,
@@ -84,6 +85,7 @@ def ford_command(  # one argument an option of the command line
     animate: Animation = None,
     hydrodynamics: ModelOption = WaterModel.auto,
     networks: Networks = None,
+    members: Members = False,
     density: Annotated[float, option(WATER, "Density of the water. [kg/m^3]")] = 1000.0,
     initial_speed: Annotated[
         float, option(EXPERT, "Speed of the vehicle at time 0, its wheels rolling; 0: from rest.", of=INITIAL_SPEED)
@@ -118,7 +120,7 @@ def ford_command(  # one argument an option of the command line
 
     targets = {"--output": output, "--figure": figure, "--animate": animate}
     options = RunOptions(
-        hydrodynamics, networks, False, setting.value, micro_step, macro_step, checkpoint, resume, targets, False
+        hydrodynamics, networks, members, setting.value, micro_step, macro_step, checkpoint, resume, targets, False
     )  # fmt: skip
     try:
         if (level is None) == (depth is None):

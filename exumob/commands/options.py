@@ -200,6 +200,7 @@ OPTION_NAMES = {
     "StartPose.x": "--start-x",
     "StartPose.y": "--start-y",
     "PathFollowing.waypoints": "--path",
+    "read_river.source =": "--river",
     "Water.level": "--level",
     "CrossSection.read: file": "file",
     "CrossSection.water.level": "--level",

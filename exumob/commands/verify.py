@@ -22,6 +22,7 @@ from exumob.commands.options import option_names, refuse_without_effect
 from exumob.commands.shared import check_targets, console, errors, fail, write_or_say
 from exumob.commands.terminal import PlainColumn, log_handler
 from exumob.support.cost import spelled_time
+from exumob.support.declared import nearest_names
 from exumob.support.files import require_writable
 from exumob.support.quantities import DURATION
 
@@ -123,7 +124,9 @@ def select(cases: Sequence[Case], names: Sequence[str], slow: bool) -> list[Case
     known = {case.name: case for case in cases}
     for name in names:
         if name not in known:
-            raise ValueError(f"there is no case {name!r}; choose of {', '.join(known)} (exumob verify --list).")
+            near = nearest_names(name, list(known))
+            hint = f"did you mean {' or '.join(near)}? " if near else ""
+            raise ValueError(f"there is no case {name!r}; {hint}`exumob verify --list` gives all of them.")
     if names:
         return [case for case in cases if case.name in names]
     return [case for case in cases if slow or not case.slow]

@@ -7,7 +7,7 @@ coupling, checkpoints). A code in another process or on another machine is reach
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Annotated, Any, Protocol, runtime_checkable
 
 import xarray as xr
@@ -22,8 +22,8 @@ from exumob.flow.settings import FlowSettings
 from exumob.flow.solids import Solid
 from exumob.flow.solver import FlowSolver
 from exumob.flow.step import OverTerrain
-from exumob.flow.undisturbed import require_one_level
-from exumob.flow.vehicle_window import vehicle_window, window_over_terrain
+from exumob.flow.undisturbed import flow_water, is_uniform, require_one_level
+from exumob.flow.vehicle_window import settings_round, vehicle_window, window_over_terrain
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
@@ -33,21 +33,6 @@ from exumob.water.conditions import Water
 
 CELL_SIZE = 0.0115
 """Default cell size round the vehicle [m]: two cells in the gap between the hull and a front wheel at full lock."""
-
-
-def is_plain(water: Water, terrain: Terrain) -> bool:
-    """Tell whether water and ground are one depth and one current over level ground at z = 0."""
-    return (
-        water.field is None and terrain.is_flat and terrain.height == 0.0 and (water.level is None or water.level > 0)
-    )
-
-
-def flow_water(water: Water, terrain: Terrain | None) -> Water:
-    """Return the water as the flow solver takes it: a depth over level ground elsewhere than at z = 0 is a level."""
-    terrain = Terrain() if terrain is None else terrain
-    if is_plain(water, terrain):
-        return water if water.level is None else replace(water, depth=water.level, level=None)
-    return water if water.depth is None else replace(water, depth=None, level=terrain.height + water.depth)
 
 
 @runtime_checkable
@@ -217,7 +202,8 @@ class BuiltInFlow:
         """
         grid, solids, bed = self._checked_solids(vehicle, water)
         if self._solver_of != self._checked_for:
-            self.solver = FlowSolver(grid, solids, flow_water(water, bed.terrain), self.settings, *bed)
+            settings = settings_round(vehicle, self.settings)
+            self.solver = FlowSolver(grid, solids, flow_water(water, bed.terrain), settings, *bed)
             self._solver_of = self._checked_for
         self.solver.start(poses, time)
         self.snapshots = []
@@ -253,7 +239,7 @@ class BuiltInFlow:
     def _window(self, vehicle: Vehicle, water: Water) -> tuple[Grid, OverTerrain]:
         """Grid and bed."""
         terrain, place, reach = self._ground or (Terrain(), (0.0, 0.0), 0.0)
-        if is_plain(water, terrain):
+        if is_uniform(water, terrain):
             water = flow_water(water, terrain)
             return vehicle_window(vehicle, self.cell_size, water) if self.grid is None else self.grid, OverTerrain()
         require_one_level(water, terrain)

@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from exumob.coupling.flow_code import CELL_SIZE, BedFlowCode, BuiltInFlow, FlowCode, is_plain
+from exumob.coupling.flow_code import CELL_SIZE, BedFlowCode, BuiltInFlow, FlowCode
 from exumob.coupling.reports import checked_loads, checked_report
 from exumob.coupling.spin_up import FlowSpinUp, poses_between, poses_during_ramp
 from exumob.flow.cost import FlowCost
 from exumob.flow.poses import Poses
+from exumob.flow.undisturbed import is_uniform
 from exumob.ground.terrain import Terrain
 from exumob.multibody.placing import standing_pose
 from exumob.support.arrays import Array
@@ -178,7 +179,7 @@ class CfdHydrodynamics:
         self._keep, self._last_save = keep, -math.inf
         self.flow.start(vehicle, water, self._poses_at_ride_height(vehicle), 0.0)  # refuses what it cannot run
         surfaces = body_surfaces(vehicle)
-        plain = is_plain(water, self._terrain)
+        plain = is_uniform(water, self._terrain)
 
         def still(states: BodyStates) -> Array:
             return still_water_wrenches(surfaces, states, water, self._terrain)

@@ -11,6 +11,8 @@ import numpy as np
 from exumob.driving.maneuver import Recorded
 from exumob.driving.path_following import Point
 from exumob.support.arrays import Array
+from exumob.support.files import why_no_file
+from exumob.support.quantities import STEERING_ANGLE
 from exumob.support.tables import read_table, row_lines
 
 DEGREES = math.radians(1.0)
@@ -41,6 +43,12 @@ def read_recorded(file: str | Path) -> Recorded:
     path = Path(file)
     units = {"time": {"s": 1.0}, "steering": {"deg": DEGREES, "rad": 1.0}, "wheel speed": {"rad/s": 1.0}}
     found = _columns(path, units)
+    if len(beyond := np.flatnonzero(np.abs(found["steering"]) > STEERING_ANGLE.at_most)):
+        degrees, limit = math.degrees(found["steering"][beyond[0]]), math.degrees(STEERING_ANGLE.at_most)
+        raise ValueError(
+            f"{path}, line {row_lines(path)[beyond[0]]}: the steering is {degrees:.6g} degrees, and must be {-limit:g} "
+            f"to {limit:g}; give an angle within, and its unit as the column's."
+        )
     try:
         return Recorded(found["time"], found["steering"], found["wheel speed"])
     except ValueError as error:
@@ -51,8 +59,7 @@ def _columns(path: Path, units: dict[str, dict[str, float]]) -> dict[str, Array]
     """Columns by name, in the base unit; each needs its unit in brackets, one of those in `units`."""
     wanted = ", ".join(f"{name} [{' or '.join(known)}]" for name, known in units.items())
     if not path.is_file():
-        missing_file = "is a folder" if path.is_dir() else "does not exist"
-        raise ValueError(f"{path} {missing_file}; give a table (CSV) with the columns {wanted}.")
+        raise ValueError(f"{path} {why_no_file(path)}; give a table (CSV) with the columns {wanted}.")
     found: dict[str, Array] = {}
     for title, values in read_table(path).items():
         split = re.fullmatch(r"\s*([^\[]*?)\s*\[\s*([^\]]*?)\s*\]\s*", title)

@@ -167,7 +167,7 @@ class Bed:
         mean = float(depths[zone].mean())
         if mean == 0.0:
             return
-        rise = float(surplus.max()) * sides.settings.absorbing_width / math.sqrt(GRAVITY * mean)
+        rise = float(surplus.max()) * sides.settings.zone_width / math.sqrt(GRAVITY * mean)
         brought, taken = self._through_the_sides(far, depths)
         apart = abs(brought - taken) / max(brought, taken, 1e-300)
         if rise <= MOST_RISE * mean and apart <= UNEVEN:
@@ -177,8 +177,8 @@ class Bed:
             f"sides and is not faster where it is shallower: it brings {brought:.3g} m^3/s and takes {taken:.3g} m^3/s "
             f"({100.0 * UNEVEN:.0f} % of difference are bearable), and its level would be off by "
             f"{100.0 * rise / mean:.2g} % of the depth (bearable: {100.0 * MOST_RISE:.0f} %). Level the terrain "
-            "towards the window's sides, turn the current along the contours, give water that flows over this bed "
-            "(CrossSection.water, Water.field), or take still water and move the vehicle."
+            "towards the window's sides, turn the current along the contours, take still water and move the vehicle, "
+            "or, with the flow in the loop, give water that flows over this bed (CrossSection.water, Water.field)."
         )
         if start:
             raise ValueError(message)

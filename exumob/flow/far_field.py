@@ -96,7 +96,7 @@ def absorbing_rates(
     celerity : float
         sqrt(g depth) [m/s].
     width, strength : float
-        `FlowSettings.absorbing_width` [m], `FlowSettings.absorbing_strength` [-].
+        `FlowSettings.zone_width` [m], `FlowSettings.absorbing_strength` [-].
     """
 
     def rates(axis: int, places: Array, faces: Array) -> Array:
@@ -149,7 +149,7 @@ class FarField:
         """Make the rates of the zones for an undisturbed flow relative to the grid [m/s], shape (2,)."""
         s = self.settings
         self.rates = absorbing_rates(
-            self.metrics, (s.far_x, s.far_y), relative, self._celerity, s.absorbing_width, s.absorbing_strength
+            self.metrics, (s.far_x, s.far_y), relative, self._celerity, s.zone_width, s.absorbing_strength
         )  # fmt: skip
 
     @property

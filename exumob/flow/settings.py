@@ -27,8 +27,9 @@ class FlowSettings(Declared):
     walls otherwise"""
     far_y: bool = True
     """The same of the sides across y"""
-    absorbing_width: Annotated[float, Quantity("m", at_least=1e-4, at_most=1e4)] = 0.6
-    """Width of that zone [m]"""
+    absorbing_width: Annotated[float | None, Quantity("m", at_least=1e-4, at_most=1e4)] = None
+    """Width of that zone [m]; None: in proportion to the vehicle in the window, if there is one
+    (`exumob.flow.vehicle_window.settings_round`), else 0.6 m"""
     absorbing_strength: Annotated[float, Quantity("1", at_least=0.0, at_most=100.0)] = 10.0
     """Relaxation rate at the very side, times the zone's width over sqrt(g depth) [-]; it falls with the cube of the
     distance. A long wave comes back from a side with exp(-strength / 2) of its height, one that meets it at an angle a
@@ -71,6 +72,11 @@ class FlowSettings(Declared):
     """Speed relative to the grid above which a step counts as failed [m/s]"""
     threads: Annotated[int, Quantity("1", at_least=1)] = 1
     """Threads of the kernels"""
+
+    @property
+    def zone_width(self) -> float:
+        """Width of the zone that absorbs waves [m]."""
+        return 0.6 if self.absorbing_width is None else self.absorbing_width
 
     def _check(self) -> None:
         most = int(numba.config.NUMBA_NUM_THREADS)

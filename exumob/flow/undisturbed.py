@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -74,6 +75,21 @@ class UndisturbedWater:
             c, s = float(np.cos(frame[2])), float(np.sin(frame[2]))
             take_velocity(*self._arrays, frame, (c, s), self._metrics, found)
         return found
+
+
+def is_uniform(water: Water, terrain: Terrain) -> bool:
+    """Tell whether water and ground are one depth and one current over level ground at z = 0."""
+    return (
+        water.field is None and terrain.is_flat and terrain.height == 0.0 and (water.level is None or water.level > 0)
+    )
+
+
+def flow_water(water: Water, terrain: Terrain | None) -> Water:
+    """Return the water as the flow solver takes it: a depth over level ground elsewhere than at z = 0 is a level."""
+    terrain = Terrain() if terrain is None else terrain
+    if is_uniform(water, terrain):
+        return water if water.level is None else replace(water, depth=water.level, level=None)
+    return water if water.depth is None else replace(water, depth=None, level=terrain.height + water.depth)
 
 
 def still_level(water: Water) -> float:

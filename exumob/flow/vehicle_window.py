@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from exumob.flow.bed import lowest_bed
 from exumob.flow.cost import require_room
 from exumob.flow.grid import CELL_SIZE, Grid
+from exumob.flow.settings import FlowSettings
 from exumob.flow.undisturbed import still_level
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
@@ -21,6 +23,8 @@ from exumob.water.conditions import Water
 
 AHEAD, BEHIND, ASIDE, TOP = 1.8, 2.4, 1.8, 0.42
 """Reach of the window from the hull's centre of mass, over the vehicle's length [-]."""
+ABSORBING = 0.6
+"""Width of the zones that absorb waves before the window's sides, over the vehicle's length [-]."""
 DEEPEST = 0.75
 """Depth beyond which no vehicle that stands on the ground feels how deep the water is, over its length [-]."""
 SPACING = 0.05
@@ -135,6 +139,18 @@ def window_over_terrain(
     )  # fmt: skip
     require_room(f"{vehicle.name}: cell_size = {cell_size:g} m", grid)
     return WindowOverTerrain(grid, deepest)
+
+
+def settings_round(vehicle: Vehicle, settings: FlowSettings) -> FlowSettings:
+    """Return settings whose absorbing zones are in proportion to a vehicle, unless they give a width themselves.
+
+    By Froude's law the waves of a vehicle are as long as it is large, and a zone absorbs waves of up to about two of
+    its widths (`exumob verify far-field-waves`): 0.6 m, right for the paper's vehicle of 1 m, would send back those of
+    a car.
+    """
+    if settings.absorbing_width is not None:
+        return settings
+    return replace(settings, absorbing_width=ABSORBING * _length(vehicle))
 
 
 def _length(vehicle: Vehicle) -> float:

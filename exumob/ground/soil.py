@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 
 from exumob.ground.published_soils import MEASURED_DRY, NOT_UNDER_WATER, SOIL_CLASSES, WETTER, WONG_TABLE
-from exumob.support.declared import Declared, checked
+from exumob.support.declared import Declared, checked, nearest_names
 from exumob.support.quantities import ImplausibleValue, Quantity, Unusual, shown
 
 SOIL_RECORD = np.dtype(
@@ -159,23 +158,15 @@ class Soil(Declared):
         Raises
         ------
         ValueError
-            If no soil has this name; the message lists the nearest names.
+            If no soil has this name; the message gives the nearest names.
         """
         for row in _PUBLISHED:
             if row.name.casefold() == name.strip().casefold():
                 return row.soil
-        known = [row.name for row in _PUBLISHED]
-        lowered = {entry.casefold(): entry for entry in known}
-        wanted = name.strip().casefold()
-        near = [lowered[key] for key in difflib.get_close_matches(wanted, lowered, n=5, cutoff=0.4)]
-        near += [entry for key, entry in lowered.items() if wanted and wanted in key and entry not in near]
+        near = nearest_names(name.strip(), [row.name for row in _PUBLISHED])
+        hint = f"did you mean {' or '.join(map(repr, near))}? There are more" if near else "use one of those"
         raise ValueError(
-            f"Soil.published: no soil is called {shown(name)}; "
-            + (
-                f"did you mean {', '.join(map(repr, near))}?"
-                if near
-                else f"the table holds {', '.join(map(repr, known))}."
-            )
+            f"Soil.published: no soil is called {shown(name)}; {hint} in `exumob soils` (Soil.published_table)."
         )
 
     @staticmethod

@@ -55,8 +55,11 @@ def training_runs(folder: str | Path) -> dict[str, xr.Dataset]:
     Raises
     ------
     ValueError
-        If there are fewer than two.
+        If there is no such folder, or it holds fewer than two.
     """
+    if not Path(folder).is_dir():
+        what = "is a file" if Path(folder).exists() else "does not exist"
+        raise ValueError(f"training_runs: {folder} {what}; give a folder of runs (netCDF).")
     files = sorted(Path(folder).glob("*.nc"))
     unseen = {scenario.file_stem for scenario in UNSEEN}
     found = load_runs(file for file in files if file.stem not in unseen)

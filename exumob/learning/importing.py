@@ -30,7 +30,7 @@ from exumob.simulation.results import VARIABLES
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
 from exumob.support.dimensions import with_described_names
-from exumob.support.files import read_netcdf
+from exumob.support.files import read_netcdf, why_no_file
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity
 from exumob.support.smoothing import smoothed
@@ -144,8 +144,8 @@ class _Columns:
     """Columns of a file by the names above, converted to SI."""
 
     def __init__(self, path: Path, names: dict[str, str], units: dict[str, str]) -> None:
-        if not path.exists():
-            raise ValueError(f"import_histories: {path} does not exist.")
+        if not path.is_file():
+            raise ValueError(f"import_histories: {path} {why_no_file(path)}; give a file of histories.")
         unknown = sorted(set(units) - set(UNITS))
         if unknown:
             raise ValueError(f"import_histories.units: {', '.join(unknown)} is not a kind; use {', '.join(UNITS)}.")

@@ -18,6 +18,7 @@ import xarray as xr
 from exumob.driving.path_following import PathFollowing
 from exumob.ground.soil import Soil
 from exumob.mobility.crossing import FOR_GOOD
+from exumob.simulation.ensemble import add_members
 from exumob.simulation.run import simulate
 from exumob.simulation.settings import time_scale, usual_speed
 from exumob.simulation.verdict import Flags, Verdict, VerdictLimits, judge, wheel_load_share
@@ -25,6 +26,7 @@ from exumob.simulation.water_models import DEFAULT_MODEL
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared, checked
 from exumob.support.quantities import DURATION, Quantity
+from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.start_pose import StartPose
 from exumob.water.conditions import Water
@@ -156,10 +158,38 @@ class Ford(Declared):
         ValueError, SimulationError, SimulationInterrupted
             As `exumob.simulate`.
         """
-        return simulate(
-            self.vehicle, self.soil, self.water, self.maneuver, hydrodynamics, duration=self.time, start=self.start,
-            terrain=self.section.terrain(), initial_speed=self.initial_speed, progress=progress, **options,
-        )  # fmt: skip
+        return simulate(hydrodynamics=hydrodynamics, progress=progress, **self._conditions, **options)
+
+    def add_members(
+        self,
+        run: xr.Dataset,
+        hydrodynamics: SurrogateHydrodynamics,
+        progress: Callable[[float], None] | None = None,
+        **options: Any,
+    ) -> xr.Dataset:
+        """Drive through it anew with each member of an ensemble of networks alone.
+
+        Parameters
+        ----------
+        run : xarray.Dataset
+            Result of `drive` with these networks and options.
+        hydrodynamics, progress, **options
+            As for `exumob.simulation.ensemble.add_members`, which says what is added.
+
+        Raises
+        ------
+        ValueError
+            If there is but one member.
+        """
+        return add_members(run, hydrodynamics=hydrodynamics, progress=progress, **self._conditions, **options)
+
+    @property
+    def _conditions(self) -> dict[str, Any]:
+        return {
+            "vehicle": self.vehicle, "soil": self.soil, "water": self.water, "maneuver": self.maneuver,
+            "duration": self.time, "start": self.start, "terrain": self.section.terrain(),
+            "initial_speed": self.initial_speed,
+        }  # fmt: skip
 
     def lines(self) -> dict[str, str]:
         """Return what will be driven in words, by what it is about."""
@@ -191,6 +221,23 @@ class Ford(Declared):
         return float(max(-slope.min(initial=0.0), 0.0)), float(max(slope.max(initial=0.0), 0.0))
 
 
+FIGURES: dict[str, tuple[str, str]] = {
+    # name: (unit, meaning)
+    "crosses": ("1", "whether all of the vehicle came past the far edge, its wheels on the ground all the way"),
+    "time": ("s", "time in which it crossed, else that from which it failed"),
+    "station": ("m", "station of the middle between the wheels then"),
+    "out": ("s", "time at which all of it was past the far edge, whatever had befallen it; nan: it never was"),
+    "drift": ("m", "largest displacement of the hull to the left of the path"),
+    "depth": ("m", "greatest depth of the undisturbed water below the hull's origin"),
+    "wheel_load": ("1", "least share of the weight on the wheels"),
+    "slip": ("1", "largest slip ratio, mean of the wheels in contact, once they are at speed"),
+    "freeboard": ("m", "least height of the hull's upper edge above the still water"),
+    "clearance": ("m", "least height of the hull above the soil"),
+    "hull_load": ("1", "largest share of the weight on the hull"),
+}
+"""Unit and meaning of each figure of `FordReport.figures`."""
+
+
 class Extreme(NamedTuple):
     """Least or largest value of something on the way, and where it was."""
 
@@ -204,6 +251,28 @@ class Extreme(NamedTuple):
     def where(self) -> str:
         """Say where and when."""
         return f"at station {self.station:.2f} m, {self.time:.2f} s"
+
+
+class MemberCrossings(NamedTuple):
+    """What the members of an ensemble did, each driving alone: places alone are known of them, no loads."""
+
+    out: Array
+    """Time at which all of the vehicle was past the far edge [s], shape (members,); nan: it never was"""
+    drift: Array
+    """Largest displacement of the hull to the left of the path until then [m], negative to the right, (members,)"""
+
+    def __str__(self) -> str:
+        """Say it in a line."""
+        came = self.out[np.isfinite(self.out)]
+        text = f"{len(came)} of {len(self.out)} networks, each driving alone, come out past the far edge"
+        if len(came):
+            text += f", after {came.min():.2f} to {came.max():.2f} s"
+        low, high = self.drift.min(), self.drift.max()
+        if low < 0.0 < high:
+            return f"{text}; drift at most {-low:.2f} m to the right, {high:.2f} m to the left"
+        low, high = np.sort(np.abs([low, high]))
+        side = "left" if self.drift.max() > 0.0 else "right"
+        return f"{text}; drift of {low:.2f} to {high:.2f} m to the {side}"
 
 
 @dataclass(frozen=True)
@@ -239,6 +308,8 @@ class FordReport:
     last: int
     """Number of the instant of the run up to which it goes"""
     limits: VerdictLimits
+    members: MemberCrossings | None = None
+    """None: the run has none (`Ford.add_members`)"""
 
     @property
     def crosses(self) -> bool:
@@ -246,14 +317,9 @@ class FordReport:
         return self.kind == "crosses"
 
     def figures(self) -> dict[str, float]:
-        """Return the numbers by name, as a sweep keeps them; ``crosses`` is 1 or 0."""
-        extremes = {
-            name: getattr(self, name).value
-            for name in ("drift", "depth", "wheel_load", "slip", "freeboard", "clearance", "hull_load")
-        }  # fmt: skip
-        return {
-            "crosses": float(self.crosses), "time": self.time, "station": self.station, "out": self.out, **extremes
-        }  # fmt: skip
+        """Return the numbers of `FIGURES` by name, as a sweep keeps them."""
+        found = ((name, getattr(self, name)) for name in FIGURES)
+        return {name: float(value.value if isinstance(value, Extreme) else value) for name, value in found}
 
     def lines(self) -> dict[str, str]:
         """Return the report in words, by what it is about."""
@@ -282,6 +348,7 @@ class FordReport:
             ),
             "drift": f"{abs(self.drift.value):.2f} m to the {'left' if self.drift.value > 0.0 else 'right'} of the "
             f"path at most, {self.drift.where()}",
+            "members": "" if self.members is None else f"{self.members}",
         }
         return {name: text for name, text in found.items() if text}
 
@@ -312,6 +379,7 @@ def ford_report(run: xr.Dataset, ford: Ford, limits: VerdictLimits | None = None
         raise ValueError(f"ford_report: the run has no {', '.join(missing)}; give the result of Ford.drive.")
     verdict = judge(run, limits, ford.vehicle)
     station = stations(run)
+    members = _members(run, ford) if "member_position" in run else None
     across = np.flatnonzero(station - ford.overhangs[1] >= ford.edges[1])
     status = str(run.attrs.get("status", ""))
     if len(across):
@@ -350,12 +418,33 @@ def ford_report(run: xr.Dataset, ford: Ford, limits: VerdictLimits | None = None
         str(run.attrs.get("trust", "")),
         len(time) - 1,
         limits,
+        members,
     )
 
 
 def stations(run: xr.Dataset) -> Array:
     """Station of the middle between the wheels at each instant [m], shape (n,)."""
     return np.asarray(run["position"].sel(axis="x").values[:, 1:].mean(axis=1), float)
+
+
+def member_stations(run: xr.Dataset, ford: Ford) -> Array:
+    """Station of the middle between the wheels of each member at each instant [m], shape (members, n)."""
+    ahead = ford.vehicle.hull_origin[0] * np.cos(run["member_yaw"].values)
+    return np.asarray(run["member_position"].sel(axis="x").values - ahead, float)
+
+
+def _members(run: xr.Dataset, ford: Ford) -> MemberCrossings:
+    time, drift = run["time"].values.astype(float), run["member_position"].sel(axis="y").values
+    out, most = np.full(len(drift), np.nan), np.zeros(len(drift))
+    for n, station in enumerate(member_stations(run, ford)):
+        across = np.flatnonzero(station - ford.overhangs[1] >= ford.edges[1])
+        until = int(across[0]) + 1 if len(across) else len(time)
+        if len(across):
+            out[n] = time[across[0]]
+        known = drift[n, :until][np.isfinite(drift[n, :until])]
+        if len(known):
+            most[n] = known[np.argmax(np.abs(known))]
+    return MemberCrossings(out, most)
 
 
 def _outcome(verdict: Verdict, across: bool, status: str, end: float) -> tuple[str, float]:

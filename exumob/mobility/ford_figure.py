@@ -9,14 +9,24 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
-from exumob.mobility.ford import Ford, FordReport, stations
-from exumob.simulation.plotting import water_label
+from exumob.mobility.ford import Ford, FordReport, member_stations, stations
+from exumob.simulation.plotting import MEMBER_COLOR, at_places, draw_range, water_label
 from exumob.simulation.verdict import wheel_load_share
-from exumob.support.figures import BODY_COLOR, SOIL_COLOR, STYLE, WATER_COLOR, footnote, trust_notes
+from exumob.support.figures import (
+    BODY_COLOR,
+    SOIL_COLOR,
+    STYLE,
+    WATER_COLOR,
+    footnote,
+    legend_above_curves,
+    trust_notes,
+)
 from exumob.vehicle.motion import WHEELS
 
 INSTANTS = 5
 """Times at which the vehicle is drawn, at most."""
+LEAST_DRIFT = 0.02
+"""Smallest vertical range of the panel of the drift [m], so that rounding errors do not fill it."""
 APART = 1.15
 """Least distance between two of them, in lengths of the vehicle."""
 
@@ -25,7 +35,8 @@ def plot_ford(run: xr.Dataset, ford: Ford, report: FordReport) -> Figure:
     """Draw one drive through a ford on one page.
 
     Above, the section from the side, true to scale, with bed, still water and the vehicle at some instants. Below,
-    along the station of the middle between its wheels: depth and speed, share of the weight on the wheels, slip.
+    along the station of the middle between its wheels: depth and speed, share of the weight on the wheels, slip, drift
+    from the path, this with the range of an ensemble's members if the run has them.
 
     Parameters
     ----------
@@ -45,9 +56,10 @@ def plot_ford(run: xr.Dataset, ford: Ford, report: FordReport) -> Figure:
         heights = _heights(driven, ford, low, high)
         # [inches]: a little more than its share, so that its width is that of the panels below
         tall = float(np.clip(11.0 * (heights[1] - heights[0]) / (high - low), 1.5, 4.0))
-        figure, (side, depth, load, slip) = plt.subplots(
-            4, 1, figsize=(11.0, tall + 6.6), height_ratios=[tall, 1.7, 1.7, 1.5], sharex=True, layout="constrained"
-        )
+        figure, (side, depth, load, slip, drift) = plt.subplots(
+            5, 1, figsize=(11.0, tall + 8.3), height_ratios=[tall, 1.7, 1.7, 1.5, 1.5], sharex=True,
+            layout="constrained",
+        )  # fmt: skip
         figure.suptitle(
             f"{ford.vehicle.name} on {ford.soil.name or 'soil'}, {water_label(driven)}: "
             + ("crosses" if report.crosses else f"does not cross ({report.kind})"),
@@ -62,12 +74,13 @@ def plot_ford(run: xr.Dataset, ford: Ford, report: FordReport) -> Figure:
         for k in _instants(place, APART * (front + rear)):
             _draw_vehicle(side, driven, ford, k)
         _below(depth, load, slip, driven, ford, place)
-        for axes in (depth, load, slip):
+        _draw_drift(drift, driven, run, ford, place)
+        for axes in (depth, load, slip, drift):
             for edge in ford.edges:
                 axes.axvline(edge, color=WATER_COLOR, lw=0.8, ls=":")
             if not report.crosses:
                 axes.axvline(report.station, color="C3", lw=0.9, ls="--")
-        slip.set_xlabel("station [m]")
+        drift.set_xlabel("station [m]")
         footnote(figure, _wrapped(report), *trust_notes([run]))
     return figure
 
@@ -164,3 +177,29 @@ def _below(depth: Axes, load: Axes, slip: Axes, run: xr.Dataset, ford: Ford, pla
         ratio = np.where(at_speed, 100.0 * run["slip_ratio"].sel(wheel=name).values, np.nan)
         slip.plot(place, ratio, color=f"C{k}", lw=0.8)
     slip.set(ylabel="slip [%]")
+
+
+def _draw_drift(axes: Axes, driven: xr.Dataset, run: xr.Dataset, ford: Ford, place: np.ndarray) -> None:
+    """Draw the hull's displacement to the left of the path, and the range of the members where there are any.
+
+    These are taken from the whole run: those behind are still under way when the others are out.
+    """
+    axes.plot(place, driven["position"].sel(body="hull", axis="y"), color="C0", lw=1.6)
+    axes.set(ylabel="drift to the left [m]")
+    if "member_position" not in run:
+        low, high = axes.get_ylim()
+        middle, half = 0.5 * (low + high), max(0.5 * (high - low), 0.5 * LEAST_DRIFT)
+        axes.set_ylim(middle - half, middle + half)
+        return
+    axes.get_lines()[0].set_label("mean of the networks' loads")
+    wanted = np.linspace(place.min(), place.max(), 300)
+    members = run["member_position"].sel(axis="y").values
+    alone = [
+        at_places(station, member, wanted)
+        for station, member in zip(member_stations(run, ford), members, strict=True)
+    ]  # fmt: skip
+    for n, member in enumerate(alone):
+        label = f"each of the {len(alone)} networks alone" if n == 0 else None
+        axes.plot(wanted, member, color=MEMBER_COLOR, lw=0.6, label=label)
+    draw_range(axes, wanted, np.array(alone))
+    legend_above_curves(axes, 3, LEAST_DRIFT)

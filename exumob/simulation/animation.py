@@ -18,6 +18,7 @@ from exumob.simulation.plotting import (
     _parameters,
     draw_current,
     frame_path,
+    member_legend,
     path_limits,
     plot_path,
     stored_terrain,
@@ -92,7 +93,7 @@ class _Scene:
         frame_path(top, dataset, ratio)
         top.set_title("from above", loc="left", fontweight="normal")
         if "member_position" in dataset:
-            top.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+            member_legend(top)
         self.outlines = [Polygon(np.zeros((3, 2)), fc="C0", ec=BODY_COLOR, alpha=0.8) for _ in range(5)]
         for k, patch in enumerate(self.outlines):
             top.add_patch(patch)

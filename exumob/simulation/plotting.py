@@ -21,6 +21,13 @@ from exumob.support.arrays import Array
 from exumob.support.figures import BODY_COLOR, STYLE, WATER_COLOR, footnote, legend_above_curves, trust_notes
 from exumob.vehicle.motion import WHEELS
 
+MEMBER_COLOR = "0.2"
+"""Colour of the members of an ensemble."""
+BAND_COLOR = "#f5c04a"
+"""Colour of the band between the outermost of them, which stands out from hull, water and soil."""
+BAND = "range of these"
+"""How a legend names the band between the outermost members, after the members themselves."""
+
 
 def _parameters(dataset: xr.Dataset, name: str) -> dict[str, Any]:
     stored = json.loads(dataset.attrs["parameters"])[name]
@@ -110,16 +117,21 @@ def plot_path(
 ) -> list[Artist]:
     """Path of the hull's centre of mass, with the vehicle's outline every `every` seconds (0: never).
 
-    Thin lines: the members of an ensemble, if the run has them; the legend then tells them apart.
+    Thin lines and a band between the outermost: the members of an ensemble, if the run has them; the legend then tells
+    them apart.
     """
-    x, y = dataset["position"].sel(body="hull").values[:, :2].T
-    members = dataset["member_position"].values if "member_position" in dataset else ()
+    path = dataset["position"].sel(body="hull").values[:, :2]
+    has_members = "member_position" in dataset
+    members: Array = dataset["member_position"].values[:, :, :2] if has_members else np.empty((0, 0, 2))
     if len(members) and label is None:
         label = "mean of the networks' loads"
-    artists: list[Artist] = list(axes.plot(x, y, color=color, lw=1.6, label=label, zorder=3))
+    artists: list[Artist] = list(axes.plot(*path.T, color=color, lw=1.6, label=label, zorder=3))
     for n, member in enumerate(members):
         alone = f"each of the {len(members)} networks alone" if n == 0 else None
-        artists += axes.plot(*member[:, :2].T, color="0.2", lw=0.6, zorder=4, label=alone)
+        artists += axes.plot(*member.T, color=MEMBER_COLOR, lw=0.6, zorder=4, label=alone)
+    if len(members) and np.isfinite(members).any():
+        band = Polygon(_band(path, members), fc=BAND_COLOR, ec="none", alpha=0.7, zorder=2.5, label=BAND)
+        artists.append(axes.add_patch(band))
     if every > 0.0:
         times = dataset["time"].values
         for t in np.arange(0.0, times[-1] + 1e-9, every):
@@ -131,6 +143,65 @@ def plot_path(
                 artists.append(axes.add_patch(patch))
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     return artists
+
+
+def at_places(place: Array, values: Array, wanted: Array) -> Array:
+    """Values at the first arrival at some places.
+
+    Parameters
+    ----------
+    place : array, shape (n,)
+        Places along a way, in the order of time; nan from where a run broke down.
+    values : array, shape (n,)
+    wanted : array, shape (m,)
+
+    Returns
+    -------
+    array, shape (m,)
+        nan where it never came.
+    """
+    known = np.isfinite(place)
+    place, values = place[known], values[known]
+    first = np.r_[True, np.maximum.accumulate(place)[:-1] < place[1:]][: len(place)]
+    if not first.any():
+        return np.full(len(wanted), np.nan)
+    return np.interp(wanted, place[first], values[first], left=np.nan, right=np.nan)
+
+
+def draw_range(axes: Axes, place: Array, members: Array) -> list[Artist]:
+    """Draw values of the members of an ensemble at equal places, shape (members, n), as a band between the outermost.
+
+    Members that never came to a place are left out there.
+    """
+    there = np.isfinite(members).any(axis=0)
+    low, high = np.nanmin(members[:, there], axis=0), np.nanmax(members[:, there], axis=0)
+    return [axes.fill_between(place[there], low, high, color=BAND_COLOR, alpha=0.7, lw=0.0, label=BAND, zorder=1.5)]
+
+
+def member_legend(axes: Axes) -> None:
+    """Tell the members of an ensemble apart, below axes seen from above and their label."""
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=3.8, ncols=3)
+
+
+def _lengths(path: Array) -> Array:
+    """Length of a path up to each of its points [m], shape (n, 2) -> (n,)."""
+    return np.concatenate([[0.0], np.hypot(*np.diff(path, axis=0).T).cumsum()])
+
+
+def _band(path: Array, members: Array) -> Array:
+    """Outline of the range of the members' paths, shape (members, n, 2), across `path` at equal length, (k, 2)."""
+    length = _lengths(path)
+    reached = [_lengths(member) for member in members]
+    place = np.linspace(0.0, min(length[-1], np.nanmax(reached)), 200)
+    middle = np.stack([at_places(length, axis, place) for axis in path.T], axis=1)
+    along = np.gradient(middle, axis=0)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.maximum(np.hypot(*along.T), 1e-12)[:, None]
+    offset = np.stack([
+        sum(across[:, k] * (at_places(one, member[:, k], place) - middle[:, k]) for k in (0, 1))
+        for one, member in zip(reached, members, strict=True)
+    ])  # fmt: skip
+    low, high = (middle + pick(offset, axis=0)[:, None] * across for pick in (np.nanmin, np.nanmax))
+    return np.concatenate([low, high[::-1]])
 
 
 def plot_lateral_velocity(axes: Axes, dataset: xr.Dataset, **style: Any) -> list[Artist]:
@@ -195,11 +266,15 @@ def plot_run(dataset: xr.Dataset) -> Figure:
         draw_current(grid["path"], dataset)
         frame_path(grid["path"], dataset, 9.8 / path_height)
         if "member_position" in dataset:
-            grid["path"].legend(loc="lower center", bbox_to_anchor=(0.6, 1.0), ncols=2)
+            member_legend(grid["path"])
         plot_forward_velocity(grid["speed"], dataset, label="forward")
         plot_lateral_velocity(grid["speed"], dataset, label="lateral")
         grid["speed"].set(ylabel="velocity of the hull [m/s]", title="Speed")
         plot_yaw(grid["yaw"], dataset, label="yaw")
+        if "member_yaw" in dataset:
+            draw_range(grid["yaw"], dataset["time"].values, np.degrees(dataset["member_yaw"].values))[0].set_label(
+                "the networks alone"
+            )
         steering = np.degrees(dataset["steering_angle"].values)
         for k, side in enumerate(("left", "right") if np.ptp(steering, axis=1).max() > 0.0 else ("",)):
             label = f"steering {side}".rstrip()
@@ -215,7 +290,10 @@ def plot_run(dataset: xr.Dataset) -> Figure:
         grid["water"].set_title("Water on the hull, body axes")
         grid["power"].plot(dataset["time"], dataset["spin_power"].sum("wheel"), color="C3", label="all wheels")
         grid["power"].set(xlabel="time [s]", ylabel="driving power [W]", title="Power")
-        for name, columns in (("speed", 2), ("yaw", 3), ("slip", 2), ("load", 2), ("water", 3), ("power", 1)):
+        columns_of_yaw = 2 if "member_yaw" in dataset else 3
+        for name, columns in (
+            ("speed", 2), ("yaw", columns_of_yaw), ("slip", 2), ("load", 2), ("water", 3), ("power", 1),
+        ):  # fmt: skip
             legend_above_curves(grid[name], columns, LEAST_RANGES[name])
         footnote(figure, *trust_notes([dataset]))
     return figure

@@ -133,6 +133,11 @@ def require_writable(file: str | Path, size: int = 1 << 16) -> None:
         ) from None
 
 
+def why_no_file(file: str | Path) -> str:
+    """Say why there is no file of this name: "is a folder", or "does not exist"."""
+    return "is a folder" if Path(file).is_dir() else "does not exist"
+
+
 def probe_folder(folder: Path, size: int = 1 << 16) -> None:
     """Write so many bytes to the disk of a folder, and remove them.
 

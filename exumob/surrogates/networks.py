@@ -20,7 +20,7 @@ import numpy as np
 
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared
-from exumob.support.files import atomic_write
+from exumob.support.files import atomic_write, why_no_file
 from exumob.support.quantities import Quantity, shown
 from exumob.surrogates.inputs import INPUTS, PAPER_INPUTS, SAMPLING
 from exumob.surrogates.network_kernels import (
@@ -344,7 +344,7 @@ def read_arrays(path: Path, what: str, remedy: str) -> tuple[dict[str, Any], dic
     from safetensors import SafetensorError, safe_open
 
     if not path.is_file():
-        raise ValueError(f"{path}: there is no such file of networks; {remedy}")
+        raise ValueError(f"file of networks {path} {why_no_file(path)}; {remedy}")
     try:
         with safe_open(path, "np") as stream:
             header = json.loads((stream.metadata() or {}).get("exumob", "{}"))

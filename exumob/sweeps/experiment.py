@@ -28,6 +28,7 @@ from exumob.simulation.trust import trust_of_all
 from exumob.simulation.water_models import DEFAULT_MODEL, MODELS, hydrodynamics_named
 from exumob.support import quantities
 from exumob.support.declared import Declared, DeclaredField, check_of, declared_fields
+from exumob.support.files import why_no_file
 from exumob.support.quantities import DEPTH_RATIO, STEP, Quantity, shown
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import FURTHER_GEOMETRY, GEOMETRY
@@ -196,7 +197,13 @@ class Experiment(Declared):
                 )
             if name not in known:
                 near = difflib.get_close_matches(name, known, 3, 0.5) if isinstance(name, str) else []
-                hint = f"did you mean {' or '.join(near)}?" if near else f"use one of {', '.join(known)}."
+                groups = dict.fromkeys(one.partition(".")[0] for one in known)
+                hint = (
+                    f"did you mean {' or '.join(near)}?"
+                    if near
+                    else f"use one that begins with {', '.join(groups)} (Experiment.names() lists them; "
+                    "docs/howto/sweeps.md says what they are)."
+                )
                 raise ValueError(f"parameter {name!r} is not known; {hint}")
 
     @functools.cached_property
@@ -242,7 +249,7 @@ class Experiment(Declared):
         for value in _distinct(found):
             accepted = check(name, value)
             if isinstance(accepted, Path) and not accepted.is_file():
-                raise ValueError(f"{name} = {str(accepted)!r}: there is no such file; give its path.")
+                raise ValueError(f"{name} = {str(accepted)!r} {why_no_file(accepted)}; give the path of a file.")
 
     def typed(self, case: Mapping[str, Any]) -> dict[str, Any]:
         """Values of a case, with paths as `Path`, so that the contents of the files count."""

@@ -90,8 +90,8 @@ def reflection(length: float, current: float = 0.0, angle: float = 0.0, settings
     wave_number = 2.0 * math.pi / length
     tilt = 2.0 * wave_number * DEPTH / math.sinh(2.0 * wave_number * DEPTH)
     group = 0.5 * (1.0 + tilt) * math.sqrt(GRAVITY * math.tanh(wave_number * DEPTH) / wave_number) * cosine
-    way_back = (settings.absorbing_width + 0.6 * length / cosine) / max(group - current, 0.5 * group)
-    duration = (inner + settings.absorbing_width) / (group + current) + way_back
+    way_back = (settings.zone_width + 0.6 * length / cosine) / max(group - current, 0.5 * group)
+    duration = (inner + settings.zone_width) / (group + current) + way_back
     fastest = math.sqrt(GRAVITY * DEPTH) + abs(current)
     more = 0.5 * fastest * duration
     cell = min(length / 20.0, 0.05)
@@ -100,7 +100,7 @@ def reflection(length: float, current: float = 0.0, angle: float = 0.0, settings
     steps = math.ceil(duration * fastest / (0.4 * cell))
     water = Water(DEPTH, current_speed=abs(current), current_direction=0.0 if current >= 0.0 else math.pi)
     levels = []
-    for half in (inner + settings.absorbing_width, inner + settings.absorbing_width + more):
+    for half in (inner + settings.zone_width, inner + settings.zone_width + more):
         count = round(half / cell)
         grid = Grid(np.linspace(-count * cell, count * cell, 2 * count + 1), y, np.linspace(0.0, 0.24, 11))
         solver = FlowSolver(grid, (), water, replace(settings, far_y=False))
@@ -121,8 +121,8 @@ def waves() -> list[Check]:
     checks = []
     for length in (0.36, 0.6, 1.2, 2.4):
         share = reflection(length)
-        name = f"waves sent back, {length / OPEN.absorbing_width:.1f} zone widths long"
-        short = length <= 2.0 * OPEN.absorbing_width + 1e-9
+        name = f"waves sent back, {length / OPEN.zone_width:.1f} zone widths long"
+        short = length <= 2.0 * OPEN.zone_width + 1e-9
         checks.append(absolute(name, share, 0.0, 0.05) if short else reported(name, share, 0.0))
     return checks
 
@@ -131,7 +131,7 @@ def waves_in_current() -> list[Check]:
     """Packets of waves with and against a current."""
     return [
         absolute(
-            f"waves sent back, {length / OPEN.absorbing_width:.1f} zone widths long, "
+            f"waves sent back, {length / OPEN.zone_width:.1f} zone widths long, "
             f"{'with' if current > 0.0 else 'against'} {abs(current):g} m/s",
             reflection(length, current),
             0.0,
@@ -145,7 +145,7 @@ def oblique_waves() -> list[Check]:
     """Waves that meet the side at an angle."""
     return [
         absolute(
-            f"waves sent back, {length / OPEN.absorbing_width:.1f} zone widths long, at {degrees} degrees",
+            f"waves sent back, {length / OPEN.zone_width:.1f} zone widths long, at {degrees} degrees",
             reflection(length, angle=math.radians(degrees)),
             0.0,
             0.05,

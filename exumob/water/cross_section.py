@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from exumob.ground.terrain import HEIGHT_RANGE, Terrain, terrain_height
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared, checked, nearest_names
+from exumob.support.files import why_no_file
 from exumob.support.quantities import DIRECTION, Quantity
 from exumob.support.tables import read_table, row_lines
 from exumob.water.conditions import Water
@@ -88,7 +89,9 @@ class CrossSection(Declared):
         """
         path = Path(file)
         if not path.is_file():
-            raise ValueError(f"CrossSection.read: file {path} does not exist; give a table of stations and bed (CSV).")
+            raise ValueError(
+                f"CrossSection.read: file {path} {why_no_file(path)}; give a table of stations and bed (CSV)."
+            )
         found: dict[str, Array] = {}
         for title, values in read_table(path).items():
             name, unit = _name_and_unit(title)

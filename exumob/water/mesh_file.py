@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from exumob.support.arrays import Array, checked_array
+from exumob.support.files import why_no_file
 from exumob.vehicle.motion import WHEELS
 from exumob.vehicle.parameters import Hull, Vehicle, touch_message
 from exumob.vehicle.wheel_room import WheelGap, gap_to
@@ -97,7 +98,7 @@ def mesh_triangles(file: str | Path) -> Array:
 
 def _existing(file: str | Path) -> Path:
     if not Path(file).is_file():
-        raise FileNotFoundError(f"Hull.mesh = {file} does not exist; give the path of an STL or OBJ file.")
+        raise FileNotFoundError(f"Hull.mesh = {file} {why_no_file(file)}; give the path of an STL or OBJ file.")
     return Path(file)
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from exumob.ground.terrain import HEIGHT_RANGE, Terrain
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
+from exumob.support.files import why_no_file
 from exumob.support.quantities import Quantity
 from exumob.water.conditions import Water
 from exumob.water.water_field import WaterField
@@ -50,6 +51,8 @@ METRES = ("m", "meter", "meters", "metre", "metres")
 SPEEDS = ("m/s", "m s-1", "ms-1", "m.s-1", "m s^-1", "meter/second", "metre/second", "meters/second")
 UNITS = {"velocity_x": SPEEDS, "velocity_y": SPEEDS}
 """Spellings of the units that are read; metres where nothing is said."""
+RIVER = "of bed, level and velocity on a regular grid (docs/howto/soil_and_terrain.md)"
+"""What a file of a river is, in words."""
 UNEVEN = 0.01
 """Largest difference of the distance between neighbouring points, over it; single precision of map coordinates."""
 APART = 0.05
@@ -100,15 +103,28 @@ def read_river(
         return _river(source, "read_river", names or {}, time, least_depth, density)
     path = Path(source)
     if not path.is_file():
-        raise ValueError(
-            f"read_river.source = {path}: there is no such file; give a netCDF file of bed, level and velocity."
-        )
+        raise ValueError(f"read_river.source = {path} {why_no_file(path)}; give a netCDF file {RIVER}.")
+    try:
+        with path.open("rb") as stream:
+            begin = stream.read(8)
+    except OSError as error:
+        raise ValueError(f"{path} cannot be read ({error.strerror}); give a netCDF file {RIVER}.") from None
+    if not begin.startswith((b"CDF\x01", b"CDF\x02", b"CDF\x05", b"\x89HDF\r\n\x1a\n")):
+        what = "is empty" if not begin else "is not a netCDF file"
+        raise ValueError(f"{path} {what}; give a netCDF file {RIVER}.")
     try:
         with xr.open_dataset(path, decode_times=False) as opened:
             data = opened.load()
-    except (OSError, RuntimeError, ValueError, TypeError, KeyError, AttributeError) as error:
-        why = " ".join(str(error).split())[:200]
-        raise ValueError(f"{path} cannot be read as netCDF ({why}); give a whole file, exported anew.") from None
+    except (OSError, RuntimeError, ValueError, TypeError, KeyError, AttributeError):
+        raise ValueError(
+            f"{path} begins as a netCDF file does, but cannot be read: it is cut off, damaged, or of a kind that is "
+            "not known here; export it anew, as netCDF-4."
+        ) from None
+    if not data.variables:
+        raise ValueError(
+            f"{path} holds no variables outside its groups, or none at all; give a netCDF file {RIVER}, as variables "
+            "of the file itself."
+        )
     return _river(data, str(path), names or {}, time, least_depth, density)
 
 
@@ -128,7 +144,8 @@ def _river(
     for role in ("velocity_x", "velocity_y"):
         if found[role] is None and not still:
             raise ValueError(
-                f"{_missing(data, role, what)} For still water give names={{'velocity_x': None, 'velocity_y': None}}."
+                f"{_missing(data, role, what)} For still water add two variables of 0, or give names={{'velocity_x': "
+                "None, 'velocity_y': None}."
             )
     axes = {role: data[found[role]] for role in ("x", "y")}
     x, y = (_axis(axes[role], role, what) for role in ("x", "y"))
@@ -222,8 +239,8 @@ def _listed(data: xr.Dataset) -> str:
 def _missing(data: xr.Dataset, role: str, what: str) -> str:
     also = " (or depth)" if role == "level" else ""
     return (
-        f"{what}: no variable is known as the {role}{also}; there are {_listed(data)}. Say which it is: "
-        f"names={{{role!r}: ...}}."
+        f"{what}: no variable is known as the {role}{also}; there are {_listed(data)}. Rename the right one to "
+        f"{role!r}, or say in Python which it is: read_river(..., names={{{role!r}: ...}})."
     )
 
 
@@ -269,7 +286,8 @@ def _field(values: xr.DataArray, role: str, dims: tuple[str, str], time: int | N
         size = values.sizes[dim]
         if size > 1 and time is None:
             raise ValueError(
-                f"{what}: {values.name} has {size} values along {dim}; choose the instant, time=-1 for the last."
+                f"{what}: {values.name} has {size} values along {dim}; choose the instant, in Python "
+                "read_river(..., time=-1) for the last, or export that instant alone."
             )
         if time is not None and not -size <= time < size and size > 1:
             raise ValueError(f"{what}: time = {time}, and {values.name} has {size} values along {dim}.")

@@ -15,6 +15,7 @@ import importlib.util
 import re
 import shlex
 import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -25,6 +26,7 @@ import typer
 from typer.testing import CliRunner
 
 from exumob.__main__ import app
+from exumob.simulation.result_files import load_dataset
 from exumob.sweeps.study import read_study
 
 matplotlib.use("Agg")
@@ -108,6 +110,24 @@ def check_imports(text):
         elif isinstance(node, ast.Import):
             for name in node.names:
                 importlib.import_module(name.name)
+
+
+def test_sweep_over_a_ford_runs_as_a_file_and_goes_on(workplace):
+    """Two processes; with one row lost the same command runs that case alone."""
+    text = next(text for language, text, *_ in blocks(ROOT / "docs/howto/fording.md") if "DriveThrough" in text)
+    text = text.replace('Soil.published("LETE sand"))', 'Soil.published("LETE sand"), duration=0.3)')
+    text = text.replace("[99.8, 99.9, 100.0]", "[99.9]")
+    (workplace / "levels.py").write_text(text)
+    command = [sys.executable, "levels.py"]
+    first = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert first.count("too short to tell") + first.count("too slow") == 2
+    rows = {file.name: file.read_bytes() for file in (workplace / "levels" / "cases").iterdir()}
+    (workplace / "levels" / "cases" / "1.json").unlink()
+    assert subprocess.run(command, check=True, capture_output=True, text=True).stdout == first
+    assert (workplace / "levels" / "cases" / "0.json").read_bytes() == rows["0.json"] and len(rows) == 2
+    with load_dataset(workplace / "levels" / "sweep.nc") as found:
+        assert found["wheel_load"].attrs["units"] == "1" and found["station"].attrs["units"] == "m"
+        assert list(found["speed"].values) == [1.5, 2.5] and (found["station"] > 4.0).all()
 
 
 def test_readme_is_short():

@@ -15,7 +15,9 @@ from exumob.ground.soil import Soil
 from exumob.mobility.ford import Ford, ford_report
 from exumob.mobility.ford_figure import plot_ford
 from exumob.simulation.result_files import load_dataset
+from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.water.cross_section import CrossSection
+from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.small_car import small_car
 
 ROOT = Path(__file__).parents[2]
@@ -83,6 +85,30 @@ def test_a_ford_is_drawn_with_the_whole_vehicle_and_one_axis_of_stations():
     for axes in others:
         assert axes.get_position().intervalx == pytest.approx(side.get_position().intervalx, abs=2e-3)
     plt.close(figure)
+
+
+def test_the_members_of_an_ensemble_ford_the_brook_one_by_one(brook, tmp_path):
+    files = "--output", tmp_path / "run.nc", "--figure", tmp_path / "run.png"
+    answer = call("ford", brook, "--level", "0", "--members", "--duration", "0.4", *files)
+    assert answer.exit_code == 0, answer.output
+    assert re.search(
+        r"members 0 of 5 networks, each driving alone, come out past the far edge; drift", plain(answer.output)
+    )
+    run = load_dataset(tmp_path / "run.nc")
+    hull = run["position"].sel(body="hull").values
+    assert np.abs(run["member_position"].values - hull).max() < 0.02  # over this ground, from this start
+    one = Ford(CrossSection.read(brook), 0.0, amphibious_vehicle(), Soil.published("LETE sand"), duration=0.4)
+    networks = SurrogateHydrodynamics()
+    again = one.add_members(one.drive(networks), networks)
+    assert np.array_equal(again["member_position"].values, run["member_position"].values)
+
+
+def test_members_are_refused_without_networks_in_a_ford(brook):
+    answer = call("ford", brook, "--level", "0", "--members", "--hydrodynamics", "coefficients")
+    assert answer.exit_code == 2 and "--members has no effect with --hydrodynamics coefficients" in plain(answer.output)
+    car = ROOT / "vehicle_models" / "small_car.py"
+    answer = call("ford", ROOT / "examples" / "ford.csv", "--depth", "0.3", "--members", "--vehicle", car)
+    assert answer.exit_code == 2 and "--members needs networks of two seeds at least" in plain(answer.output)
 
 
 def test_too_slow_for_its_time_is_said_with_the_place(brook, tmp_path):

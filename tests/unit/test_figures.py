@@ -15,7 +15,15 @@ from PIL import Image
 from exumob.flow.output.vehicle_surface import body_triangles, stored_vehicle
 from exumob.ground.terrain import Terrain
 from exumob.simulation.animation import _scene, animate_run
-from exumob.simulation.plotting import compare_runs, frame_path, plot_run, stored_terrain, vehicle_outlines
+from exumob.simulation.plotting import (
+    _band,
+    at_places,
+    compare_runs,
+    frame_path,
+    plot_run,
+    stored_terrain,
+    vehicle_outlines,
+)
 from exumob.support.figures import footnote, legend_above_curves
 
 PATHS = {
@@ -115,11 +123,47 @@ def test_legends_stand_clear_of_curves_and_everything_within_the_page(short_run)
 def test_members_are_told_apart_in_the_legend(short_run):
     figure = plot_run(with_members(short_run))
     found = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-    assert found == ["mean of the networks' loads", "each of the 3 networks alone"]
+    assert found == ["mean of the networks' loads", "each of the 3 networks alone", "range of these"]
     plt.close(figure)
     figure, scene = _scene(with_members(short_run))
-    assert len(scene.top.get_legend().get_texts()) == 2
+    assert len(scene.top.get_legend().get_texts()) == 3
     plt.close(figure)
+
+
+def test_the_band_of_the_members_is_their_range_at_equal_places_of_the_path():
+    """Circles of 3, 3.1 and 2.95 m round one centre; the inner one ends at a third, another broke down at once.
+
+    Equal length is an angle 0.968 as large on the outer circle: at the end 3.6 mm less across the path.
+    """
+    angle = np.linspace(0.0, 1.5, 60)
+    path, outer, inner = (
+        np.stack([r * np.sin(angle), 3.0 - r * np.cos(angle)], axis=1) for r in (3.0, 3.1, 2.95)
+    )  # fmt: skip
+    inner[20:] = inner[20]
+    band = _band(path, np.stack([outer, inner, np.full_like(path, np.nan)]))
+    low, high = np.split(band, 2)
+    radius = [np.hypot(side[:, 0], side[:, 1] - 3.0) for side in (low, high[::-1])]
+    assert radius[0] == pytest.approx(np.full(200, 3.1), abs=0.005)
+    until = int(200 * 2.95 * angle[20] / 4.5) - 1
+    assert radius[1][:until] == pytest.approx(np.full(until, 2.95), abs=0.005)
+    assert radius[1][-20:] == pytest.approx(radius[0][-20:], abs=1e-9)  # the outer alone came here
+
+
+@pytest.mark.filterwarnings("error")
+def test_members_that_all_broke_down_at_once_have_no_band(short_run):
+    run = with_members(short_run)
+    run = run.assign(member_position=np.nan * run["member_position"], member_yaw=np.nan * run["member_yaw"])
+    figure = plot_run(run)
+    assert "range of these" not in figure.axes[0].get_legend_handles_labels()[1]
+    plt.close(figure)
+
+
+def test_values_at_places_are_those_of_the_first_arrival():
+    place = np.array([0.0, -0.1, 1.0, 0.5, 2.0, np.nan])
+    values = np.array([5.0, 9.0, 6.0, 9.0, 8.0, 1.0])
+    found = at_places(place, values, np.array([-0.05, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5]))
+    assert found == pytest.approx([np.nan, 5.0, 5.5, 6.0, 7.0, 8.0, np.nan], nan_ok=True)
+    assert np.isnan(at_places(np.full(3, np.nan), np.zeros(3), np.zeros(2))).all()
 
 
 def test_a_vehicle_that_stands_is_not_drawn_as_if_it_moved(short_run):

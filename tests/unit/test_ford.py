@@ -2,12 +2,18 @@
 
 import math
 
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from made_up_runs import made_up_run, scaled_vehicle
 
 from exumob.ground.soil import Soil
 from exumob.mobility.ford import Ford, ford_report
+from exumob.mobility.ford_figure import plot_ford
 from exumob.simulation.settings import time_scale, usual_speed
 from exumob.water.cross_section import CrossSection
 
@@ -127,6 +133,62 @@ def test_the_largest_drift_is_reported_not_that_at_the_end():
     report = ford_report(drive(forward=0.8, bank=(2.0, -0.4)), ford())
     assert report.drift.value == pytest.approx(-0.4) and report.drift.station == pytest.approx(2.0, abs=0.11)
     assert "0.40 m to the right of the path at most" in str(report)
+
+
+def with_members(run, shares, sideways):
+    """The run with members that go a share of its way and a distance to the left of it."""
+    hull = run["position"].values[:, 0]
+    places = np.stack(
+        [hull * [share, 1.0, 1.0] + [0.0, aside, 0.0] for share, aside in zip(shares, sideways, strict=True)]
+    )
+    return run.assign(
+        member_position=(("member", "time", "axis"), places), member_yaw=(("member", "time"), 0.0 * places[..., 0])
+    )
+
+
+def test_members_are_reported_with_their_times_and_drift_until_they_are_out():
+    """0.8, 0.72 and 0.4 m/s over 3.5 m in 6 s; the second drifts further once it is out, which does not count."""
+    run = with_members(drive(forward=0.8), (1.0, 0.9, 0.5), (0.02, 0.07, -0.01))
+    run["member_position"].values[1, 500:, 1] = 0.9
+    report = ford_report(run, ford())
+    assert report.members.out == pytest.approx([4.38, 4.87, np.nan], abs=0.011, nan_ok=True)
+    assert report.members.drift == pytest.approx([0.02, 0.07, -0.01])
+    assert report.lines()["members"] == (
+        "2 of 3 networks, each driving alone, come out past the far edge, after 4.38 to 4.87 s; drift at most 0.01 m "
+        "to the right, 0.07 m to the left"
+    )
+    assert report.crosses and "members" not in ford_report(drive(forward=0.8), ford()).lines()
+
+
+@pytest.mark.parametrize(("sideways", "said"), [
+    ((0.02, 0.07), "drift of 0.02 to 0.07 m to the left"), ((-0.07, -0.02), "drift of 0.02 to 0.07 m to the right"),
+])  # fmt: skip
+def test_members_that_do_not_come_out_or_broke_down_are_counted(sideways, said):
+    run = with_members(drive(forward=0.8), (0.3, 1.0), sideways)
+    run["member_position"].values[1, 100:] = np.nan
+    run["member_yaw"].values[1, 100:] = np.nan
+    text = ford_report(run, ford()).lines()["members"]
+    assert text == f"0 of 2 networks, each driving alone, come out past the far edge; {said}"
+
+
+@pytest.mark.parametrize("members", [(), (0.02, 0.07, -0.01)])
+def test_the_drift_is_drawn_with_the_range_of_the_members(members):
+    run = drive(forward=0.8, bank=(2.0, 0.2)).assign(
+        gravity_load=(("time", "body", "axis"), np.full((601, 5, 3), -1.0))
+    )
+    run = run.assign_attrs(hydrodynamics="SurrogateHydrodynamics")
+    if members:
+        run = with_members(run, (1.0, 0.9, 0.5), members)
+    figure = plot_ford(run, ford(), ford_report(run, ford()))
+    drift = next(axes for axes in figure.axes if axes.get_ylabel().startswith("drift"))
+    assert drift.get_lines()[0].get_ydata().max() == pytest.approx(0.2)
+    assert len(drift.collections) == (1 if members else 0) and drift.get_xlabel() == "station [m]"
+    if members:
+        band = drift.collections[0].get_paths()[0].vertices
+        for station, low, high in ((0.5, -0.01, 0.07), (3.0, 0.02, 0.07)):  # the slow one ends at 2.4 m
+            near = band[np.abs(band[:, 0] - station) < 0.02, 1]
+            assert (near.min(), near.max()) == pytest.approx((low, high))
+    plt.close(figure)
 
 
 @pytest.mark.parametrize(("change", "text"), [

@@ -106,8 +106,10 @@ def test_file_round_trip(vehicle, tmp_path):
 def test_foreign_files_are_refused(vehicle, tmp_path, monkeypatch):
     from safetensors.numpy import save_file
 
-    with pytest.raises(ValueError, match="no such file"):
+    with pytest.raises(ValueError, match=r"none\.safetensors does not exist; "):
         NetworkSet.load(tmp_path / "none.safetensors")
+    with pytest.raises(ValueError, match="is a folder; "):
+        NetworkSet.load(tmp_path)
     (tmp_path / "text.safetensors").write_text("not a network at all, whatever its name says")
     with pytest.raises(ValueError, match="is not a file of networks"):
         NetworkSet.load(tmp_path / "text.safetensors")
@@ -254,8 +256,14 @@ def test_evaluation_runs_are_never_learnt_from(runs, tmp_path):
     for n, name in enumerate(["D40/U0", "D60/U1", *(s.name for s in UNSEEN)]):
         save_dataset(runs["D60/U1"].assign_attrs(scenario=name), tmp_path / f"{n}.nc")  # whatever the file's name
     assert set(training_runs(tmp_path)) == {"D40/U0", "D60/U1"}
-    with pytest.raises(ValueError, match="holds 0 runs"):
-        training_runs(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    for folder, said in (
+        ("empty", "holds 0 runs"),
+        ("nowhere", "does not exist; give a folder"),
+        ("0.nc", "is a file"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            training_runs(tmp_path / folder)
 
 
 HEAD_CURRENT = Water(0.12, 1.0)

@@ -132,10 +132,30 @@ def test_still_water_an_instant_and_other_names():
     assert values(terrain, water, X[3], Y[0]) == pytest.approx((2.0, 2.35, 0.0, 0.0))
 
 
-@pytest.mark.parametrize("contents", [None, b"", b"no netCDF at all" * 40])
-def test_files_that_are_none(tmp_path, contents):
+@pytest.mark.parametrize(("contents", "said"), [
+    (None, "does not exist; give a netCDF file of bed"), (b"", "is empty; give"), ("folder", "is a folder; give"),
+    (b"no netCDF at all" * 40, "is not a netCDF file; give a netCDF file of bed, level and velocity"),
+    (b"CDF\x01" + bytes(range(200)), "begins as a netCDF file does, but cannot be read"),
+    (b"CDF\x05" + bytes(range(200)), "begins as a netCDF file does, but cannot be read"),
+    (b"\x89HDF\r\n\x1a\n" + bytes(300), "begins as a netCDF file does, but cannot be read"),
+])  # fmt: skip
+def test_files_that_are_none(tmp_path, contents, said):
     path = tmp_path / "river.nc"
-    if contents is not None:
+    if contents == "folder":
+        path.mkdir()
+    elif contents is not None:
         path.write_bytes(contents)
-    with pytest.raises(ValueError, match=r"river\.nc"):
+    with pytest.raises(ValueError, match=rf"river\.nc {said}") as found:
         read_river(path)
+    assert "xarray" not in str(found.value) and "engine" not in str(found.value)
+
+
+def test_files_cut_off_or_without_variables_of_their_own(tmp_path):
+    whole = tmp_path / "whole.nc"
+    river().to_netcdf(whole, engine="h5netcdf")
+    (tmp_path / "cut.nc").write_bytes(whole.read_bytes()[:4000])
+    with pytest.raises(ValueError, match=r"cut\.nc begins as a netCDF file does.*export it anew"):
+        read_river(tmp_path / "cut.nc")
+    river().to_netcdf(tmp_path / "group.nc", engine="h5netcdf", group="Results/2D")
+    with pytest.raises(ValueError, match=r"group\.nc holds no variables outside its groups.*of the file itself"):
+        read_river(tmp_path / "group.nc")
