@@ -25,8 +25,8 @@ EDGE = 0.4
 """Share of a cell with a sharp edge that is closed where the edge passes through its centre; 0.1 more for each tenth of
 a cell by which the centre is further inside, 0.1 less outside [-]. Fitted to one case, the drag of a square column that
 fills a fifth of a channel, six cells a side, so that it depends little on where the column lies in the cells."""
-NARROWEST = 1e-9
-"""Smallest area fraction that counts as open [-]; what is left of a closed face by round-off is none."""
+NARROWEST = 1e-6
+"""Smallest area fraction that counts as open [-]: less is round-off (the ramps are kept in single precision)."""
 FAR = 1.0e3
 """Signed distance stored where no solid is near [m]."""
 

@@ -22,6 +22,8 @@ TRUSTED = 0.5
 """Faces at least this open keep their own velocity and give it to their neighbours [-]."""
 BLENDED = 0.7
 """Faces less open than this are drawn towards the slip velocity [-]."""
+HARDLY_OPEN = 0.05
+"""Faces less open than this by the solids' walls count less as closed by an edge [-]."""
 BLEND_RATE = 50.0
 """... at BLEND_RATE [(BLENDED - beta) / beta]^2, beta the area fraction [1/s]."""
 LAYERS = 3
@@ -291,13 +293,16 @@ def _blend_row(
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _closed_by_edge(bodies: AreaFractions, axis: int, j: int, k: int, i: int) -> float:
-    """Share of the face (axis; j, k, i) left open by the solids' walls that their sharp edges close [-]."""
+    """Share of the face (axis; j, k, i) left open by the solids' walls that their sharp edges close [-].
+
+    It goes to nothing with what the walls leave open, so that it does not jump.
+    """
     b, a = bodies.bx[j, k, i], bodies.ax[j, k, i]
     if axis == 1:
         b, a = bodies.by[j, k, i], bodies.ay[j, k, i]
     elif axis == 2:
         b, a = bodies.bz[j, k, i], bodies.az[j, k, i]
-    return 1.0 - b / a if b < a else 0.0
+    return (a - b) / max(a, HARDLY_OPEN)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
