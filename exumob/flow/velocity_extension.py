@@ -191,9 +191,10 @@ def blend(
     gather speed. Only in the wedge between a given bed and what rolls over it, which water leaves by faces hardly open
     alone, is it drawn towards the walls' own velocity instead: a film that is squeezed sticks to them.
 
-    Faces that a sharp edge closes take the slip velocity mirrored at that of the solid, 2 u_solid - u_slip: what the
-    advection carries past the edge then has the solid's velocity at the wall, as without slip, and the flow separates
-    there. With the slip velocity itself momentum would leak round the edge, and the shear layer into the wake with it.
+    Faces that a sharp edge closes take the slip velocity mirrored at that of the solid, 2 u_solid - u_slip, but for its
+    part along the edge: what the advection carries past the edge then has the solid's velocity at the wall, as without
+    slip, and the flow separates there. With the slip velocity itself momentum would leak round the edge, and the shear
+    layer into the wake with it.
 
     Parameters
     ----------
@@ -269,7 +270,8 @@ def _blend_row(
                 target = extended[axis][j, k, i] - along * through
                 if n != bed:
                     own = ux if axis == 0 else (uy if axis == 1 else uz)
-                    target += 2.0 * _closed_by_edge(bodies, axis, j, k, i) * (own - target)
+                    turns = max(_bend(d, axis, (j, k, i), metrics), _bend(d, axis, (jb, kb, ib), metrics))
+                    target += 2.0 * turns * _closed_by_edge(bodies, axis, j, k, i) * (own - target)
                 if not math.isfinite(target):
                     on_bed = o.nearest[j, k, i] == bed or o.nearest[jb, kb, ib] == bed
                     if not (on_bed or o.nearest[j, k - 1, i] == bed or o.nearest[jb, kb - 1, ib] == bed):
@@ -289,6 +291,18 @@ def _blend_row(
                     add_wrench(wrench, (x, y, z), (fx, fy, force if axis == 2 else 0.0))
                     target = here + change
                 velocity[axis][j, k, i] = target
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _bend(d: Array, axis: int, cell: tuple[int, int, int], m: Metrics) -> float:
+    """Change of the distance's slope along `axis` over a cell, at most 1 [-]: 0 where an edge runs along the axis."""
+    j, k, i = cell
+    here = d[j, k, i]
+    if axis == 0:
+        return min(abs((d[j, k, i + 1] - here) / m.ex[i + 1] - (here - d[j, k, i - 1]) / m.ex[i]), 1.0)
+    if axis == 1:
+        return min(abs((d[j + 1, k, i] - here) / m.ey[j + 1] - (here - d[j - 1, k, i]) / m.ey[j]), 1.0)
+    return min(abs((d[j, k + 1, i] - here) / m.ez[k + 1] - (here - d[j, k - 1, i]) / m.ez[k]), 1.0)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
