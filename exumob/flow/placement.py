@@ -47,6 +47,8 @@ class Placement:
         Height of the bed below the columns of cells [m].
     solids : PlacedSolids
         As `place` left them.
+    margin : float
+        Distance from a solid within which it is known [m].
     """
 
     def __init__(
@@ -54,6 +56,7 @@ class Placement:
         deepest: float | None = None,
     ) -> None:  # fmt: skip
         self.grid, self.metrics, self.shapes = grid, grid.metrics, tuple(solids)
+        self.margin = MARGIN * grid.smallest_width
         self.sharpness = 1.0 if settings.sharp_edges else 0.0
         self.bed = _given_bed(grid, terrain, len(self.shapes), settings, deepest)
         shape = grid.padded_shape
@@ -99,9 +102,9 @@ class Placement:
         back = about_z(frame[2]).T
         position = (poses.position - np.array([frame[0], frame[1], 0.0])) @ back.T
         rotation = back @ poses.rotation
-        margin = MARGIN * self.grid.smallest_width
         regions = [
-            index_region(self.metrics, solid, position[n], rotation[n], margin) for n, solid in enumerate(self.shapes)
+            index_region(self.metrics, solid, position[n], rotation[n], self.margin)
+            for n, solid in enumerate(self.shapes)
         ]
         return self.solids._replace(
             regions=np.array(regions, dtype=np.int64).reshape(-1, 6), position=position, rotation=rotation,

@@ -23,6 +23,7 @@ from exumob.flow import (
     free_surface,
     surface_at_solids,
     velocity_extension,
+    volume_at_solids,
     water_on_bed,
 )
 from exumob.flow.active_rows import ActiveRows, WaterCells, clear_outside
@@ -142,6 +143,7 @@ class TimeStep:
         self.relative = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self.viscosity = np.full(shape, settings.viscosity)
         self._cells = WaterCells.empty(shape)
+        self._closed = volume_at_solids.ClosedParts(shape)
         self._change = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self._theta = np.ones(shape), np.ones(shape), np.ones(shape)
         unknown = np.full(shape, free_surface.UNKNOWN)
@@ -205,6 +207,7 @@ class TimeStep:
     def place_solids(self, step: Step, poses: Poses) -> None:
         """Solids and bed to where they are at the end, with the fraction in and at them and the wet cells."""
         new, bed = step.new, self.placement.bed
+        self._closed.step()
         self.place(poses, step.frame, step.old.steps)
         step.solids = solids = self.placement.solids
         o = self.placement.area_fractions
@@ -280,8 +283,23 @@ class TimeStep:
         )  # fmt: skip
         order = SWEEPS[step.old.steps % len(SWEEPS)]
         free_surface.transport(new.fraction, sweeps, order, self.metrics, far_field.fill_fraction)
+        self._return_volume(step)
         added = far_field.relax_level(new.fraction, new.eta_y, step.dt)
         new.volume_added = step.old.volume_added + added
+
+    def _return_volume(self, step: Step) -> None:
+        """Take from the surface near the solids what their motion has added to the water in this step."""
+        placement, closed, regions, m = self.placement, self._closed, step.solids.regions, self.metrics
+        if not len(regions):
+            return
+        fraction, bodies, heights = step.new.fraction, placement.bodies, placement.bed_heights
+        fractions = step.old.fraction, step.cells.fraction, fraction
+        volumes = volume_at_solids.gained(
+            fractions, (closed.before, closed.now), bodies.nearest, regions, heights, m
+        )  # fmt: skip
+        volume_at_solids.return_volume(
+            fraction, self._scratch, volumes, closed.now, bodies, regions, placement.margin, heights, m
+        )
 
     def loads(self, step: Step, slip_momentum: Array) -> Loads:
         """Loads on the solids in their own axes."""
@@ -361,6 +379,7 @@ class TimeStep:
     def place(self, poses: Poses, frame: Array, steps: int) -> None:
         """Put solids and grid at their poses; after the first of the steps done, warn of an uneven bed underway."""
         moved = self.placement.place(poses, frame)
+        self._closed.mark(self.placement.bodies, self.placement.solids.regions, self.metrics)
         if moved and steps > 0:
             self.check_water(self.far(frame), start=False)
 

@@ -96,10 +96,9 @@ def refill_solids(fraction: Array, distance: Array, regions: NDArray[np.int64], 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def open_share(o: AreaFractions, j: int, k: int, i: int) -> float:
-    """Mean area fraction of a cell's six faces."""
-    return (
-        o.bx[j, k, i] + o.bx[j, k, i + 1] + o.by[j, k, i] + o.by[j + 1, k, i] + o.bz[j, k, i] + o.bz[j, k + 1, i]
-    ) / 6.0
+    """Mean area fraction of a cell's six faces; pairs are added first, so that mirrored cells agree to the last bit."""
+    x, y, z = o.bx[j, k, i] + o.bx[j, k, i + 1], o.by[j, k, i] + o.by[j + 1, k, i], o.bz[j, k, i] + o.bz[j, k + 1, i]
+    return (x + y + z) / 6.0
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
