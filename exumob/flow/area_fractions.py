@@ -130,8 +130,8 @@ def place_solid(
 
     The area fraction of a face is the mean over the eight octants of cells that touch it (their centres lie a quarter
     of a cell off the face's): the ramp is then about 1.5 half cells wide either way, and edges of the solid keep their
-    volume. Cells at a sharp edge are then closed further (`EDGE`), times `sharpness`: half open on two sides, they would
-    let the flow cut the corner, and it would separate too late.
+    volume. Cells at a sharp edge are then closed further (`EDGE`, times `sharpness`): half open on two sides, they
+    would let the flow cut the corner, and it would separate too late.
     """
     j0, j1, k0, k1, i0, i1 = solids.regions[n]
     halves = np.ones((j1 - j0, k1 - k0, i1 - i0, 7), dtype=np.float32)
