@@ -167,6 +167,14 @@ SITUATIONS = {
     for s in (
         BOX,
         replace(BOX, name="box-1.0", about="box 1.00 x 0.44 m, draught 42 mm, 1.0 m/s", current=1.0),
+        replace(
+            BOX,
+            name="box-2.0",
+            about="box 1.00 x 0.44 m, draught 42 mm, 2.0 m/s",
+            current=2.0,
+            duration=3.0,
+            settled=1.0,
+        ),
         COLUMN,
     )
 }

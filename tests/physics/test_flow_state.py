@@ -71,8 +71,8 @@ def test_spray_beside_a_wheel_gathers_no_speed():
     for n in range(100):
         solver.advance(1e-3 * (n + 1), poses)
     u, v, _ = solver.velocity
-    assert np.abs(u).max() < 1.6
-    assert np.abs(v).max() < 1.6
+    assert np.abs(u).max() < 1.7
+    assert np.abs(v).max() < 1.7
 
 
 @pytest.mark.parametrize("shift", [0.25, 0.5, 0.75])
@@ -80,7 +80,9 @@ def test_a_column_anywhere_in_the_cells_starts(shift):
     # a quarter of a cell off, the ramps leave round-off open of closed faces: cells that only such faces join
     size, tall = 1.0 / 60.0, 0.5
     grid = Grid(np.arange(-15, 22) * size, np.arange(-15, 16) * size, np.linspace(0.0, 0.3, 7))
-    solver = FlowSolver(grid, (box(0.1, 0.1, tall),), Water(0.2, 0.1, 0.0), FlowSettings(follow=None, absorbing_width=0.1))
+    solver = FlowSolver(
+        grid, (box(0.1, 0.1, tall),), Water(0.2, 0.1, 0.0), FlowSettings(follow=None, absorbing_width=0.1)
+    )
     solver.start(Poses.at_rest([[shift * size, shift * size, 0.5 * tall - 0.02]]))
     solver.advance(0.05)
     assert not solver.report.halvings
