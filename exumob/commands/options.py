@@ -201,6 +201,7 @@ OPTION_NAMES = {
     "StartPose.y": "--start-y",
     "PathFollowing.waypoints": "--path",
     "read_river.source =": "--river",
+    "training_runs.folder =": "--data",
     "Water.level": "--level",
     "CrossSection.read: file": "file",
     "CrossSection.water.level": "--level",

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from exumob.commands.options import EXPERT, OUTPUT, RUN, VehicleFile, option
+from exumob.commands.options import EXPERT, OUTPUT, RUN, VehicleFile, option, option_names
 from exumob.commands.shared import console, counting_bar, errors, fail, vehicle_of, write_or_say
 from exumob.support.quantities import shown
 
@@ -43,7 +43,8 @@ def train_command(
         for name, number in (("--seeds", seeds), ("--jobs", jobs)):
             if not 1 <= number <= MOST:
                 raise ValueError(f"{name} {shown(number)} must be 1 to {MOST}; give a number within.")
-        runs = training_runs(data)
+        with option_names():
+            runs = training_runs(data)
         car = vehicle_of(vehicle)
     except (ValueError, OSError) as error:
         fail(error)

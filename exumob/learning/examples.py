@@ -59,7 +59,7 @@ def training_runs(folder: str | Path) -> dict[str, xr.Dataset]:
     """
     if not Path(folder).is_dir():
         what = "is a file" if Path(folder).exists() else "does not exist"
-        raise ValueError(f"training_runs: {folder} {what}; give a folder of runs (netCDF).")
+        raise ValueError(f"training_runs.folder = {folder} {what}; give a folder of runs (netCDF).")
     files = sorted(Path(folder).glob("*.nc"))
     unseen = {scenario.file_stem for scenario in UNSEEN}
     found = load_runs(file for file in files if file.stem not in unseen)

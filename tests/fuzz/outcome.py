@@ -27,7 +27,7 @@ REMEDY = re.compile(
     r"\b(must|give|use|choose|leave|fill|is it in|did you mean|write|mend|check|steer less|move|round|raise|lower|"
     r"install|create|remove|sort|shift|ramp|add|pick|start|look|name|try|delete|make|turn|put|take|keep|wait|stop|"
     r"allow|exchange|widen|needs?|lies|want|set|reduce|shorten|lengthen|increase|load|run|accept|draw|save|"
-    r"wants?|exchange|within|if it is meant|makes?|holds|does not exist|close|lists?|it has|halve|soften|"
+    r"wants?|exchange|within|if it is meant|makes?|holds|does not exist|close|lists?|it has|halve|soften|export|"
     r"at line \d+|at end of document)\b|outside \[",
     re.IGNORECASE,
 )
