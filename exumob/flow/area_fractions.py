@@ -240,6 +240,7 @@ def _close_face(
     share = share if share > NARROWEST else 0.0
     unsharpened[cell] = min(share, unsharpened[cell])
     share *= min(before[6], here[6])
+    share = share if share > NARROWEST else 0.0
     if share < sharpened[cell]:
         sharpened[cell] = share
         return True

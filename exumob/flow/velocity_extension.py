@@ -191,10 +191,11 @@ def blend(
     gather speed. Only in the wedge between a given bed and what rolls over it, which water leaves by faces hardly open
     alone, is it drawn towards the walls' own velocity instead: a film that is squeezed sticks to them.
 
-    Faces that a sharp edge closes take the slip velocity mirrored at that of the solid, 2 u_solid - u_slip, but for its
-    part along the edge: what the advection carries past the edge then has the solid's velocity at the wall, as without
-    slip, and the flow separates there. With the slip velocity itself momentum would leak round the edge, and the shear
-    layer into the wake with it.
+    Faces that a sharp edge closes take what its walls impose, but for the part along the edge: on a wall the velocity of
+    the solid, half a cell behind it the slip velocity mirrored at that, 2 u_solid - u_slip, as without slip, and so on
+    walls, too, which water meets from outside. What the advection carries past the edge then has the solid's velocity
+    at the wall, and the flow separates there; with the slip velocity momentum would leak round the edge, the shear
+    layer into the wake with it, and behind a transom water would rise.
 
     Parameters
     ----------
@@ -271,7 +272,11 @@ def _blend_row(
                 if n != bed:
                     own = ux if axis == 0 else (uy if axis == 1 else uz)
                     turns = max(_bend(d, axis, (j, k, i), metrics), _bend(d, axis, (jb, kb, ib), metrics))
-                    target += 2.0 * turns * _closed_by_edge(bodies, axis, j, k, i) * (own - target)
+                    wide = abs(gx) * metrics.dx[i] + abs(gy) * metrics.dy[j] + abs(gz) * metrics.dz[k]
+                    behind = min(max(-(d[j, k, i] + d[jb, kb, ib]) / wide, 0.0), 1.0)
+                    if (extended[axis][j, k, i] - own) * along < 0.0:
+                        behind = 1.0
+                    target += turns * _closed_by_edge(bodies, axis, j, k, i) * (1.0 + behind) * (own - target)
                 if not math.isfinite(target):
                     on_bed = o.nearest[j, k, i] == bed or o.nearest[jb, kb, ib] == bed
                     if not (on_bed or o.nearest[j, k - 1, i] == bed or o.nearest[jb, kb - 1, ib] == bed):
