@@ -26,6 +26,8 @@ HARDLY_OPEN = 0.05
 """Faces less open than this by the solids' walls count less as closed by an edge [-]."""
 BLEND_RATE = 50.0
 """... at BLEND_RATE [(BLENDED - beta) / beta]^2, beta the area fraction [1/s]."""
+MET = 4.0
+"""A wall at an edge counts as met by water from where this times the share of the speed through it is 1 [-]."""
 LAYERS = 3
 """Faces beyond the water to which the velocity is extended."""
 REACH = LAYERS + 1
@@ -262,11 +264,10 @@ def _blend_row(
                 y = (metrics.yf[j] if axis == 1 else metrics.yc[j]) - position[1]
                 z = (metrics.zf[k] if axis == 2 else metrics.zc[k]) - position[2]
                 ux, uy, uz = body_velocity(solids, n, x, y, z)
-                through = (
-                    gx * (_at(extended[0], 0, axis, j, k, i) - ux)
-                    + gy * (_at(extended[1], 1, axis, j, k, i) - uy)
-                    + gz * (_at(extended[2], 2, axis, j, k, i) - uz)
-                )
+                vx = _at(extended[0], 0, axis, j, k, i) - ux
+                vy = _at(extended[1], 1, axis, j, k, i) - uy
+                vz = _at(extended[2], 2, axis, j, k, i) - uz
+                through = gx * vx + gy * vy + gz * vz
                 along = gx if axis == 0 else (gy if axis == 1 else gz)
                 target = extended[axis][j, k, i] - along * through
                 if n != bed:
@@ -274,8 +275,9 @@ def _blend_row(
                     turns = max(_bend(d, axis, (j, k, i), metrics), _bend(d, axis, (jb, kb, ib), metrics))
                     wide = abs(gx) * metrics.dx[i] + abs(gy) * metrics.dy[j] + abs(gz) * metrics.dz[k]
                     behind = min(max(-(d[j, k, i] + d[jb, kb, ib]) / wide, 0.0), 1.0)
-                    if (extended[axis][j, k, i] - own) * along < 0.0:
-                        behind = 1.0
+                    meets = -along * (vx if axis == 0 else (vy if axis == 1 else vz))
+                    if meets > 0.0:
+                        behind = max(behind, min(MET * meets / math.sqrt(vx * vx + vy * vy + vz * vz), 1.0))
                     target += turns * _closed_by_edge(bodies, axis, j, k, i) * (1.0 + behind) * (own - target)
                 if not math.isfinite(target):
                     on_bed = o.nearest[j, k, i] == bed or o.nearest[jb, kb, ib] == bed
