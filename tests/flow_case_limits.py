@@ -16,6 +16,7 @@ KNOWN_MISSES = {
         "momentum gap, surface-piercing box, h = 20 mm": (0.03, "pressure in the surface cell is known to half a cell")
     },
     "noise": {f"noise of the lift through the grid, dt {dt} ms": (0.02, EDGES) for dt in (1, 2)},
+    "channel-column": {"drag coefficient, b/w 0.1, 6 cells": (0.18, "six cells")},
     "spheric-2": {
         **{f"arrival t sqrt(g/H), {p}, h = 40 mm": (0.3, SLOW_FRONT) for p in P3},
         **{f"impulse, {p}, h = 40 mm": (0.45, SLOW_FRONT) for p in P3},

@@ -168,8 +168,10 @@ def rows(situation: Situation, data: xr.Dataset) -> list[tuple[str, float, float
 
 
 def buoyancy(situation: Situation) -> float:
-    """Buoyancy of the body in still water [N]; it is a box."""
-    return WATER_DENSITY * GRAVITY * situation.size[0] * situation.size[1] * (situation.depth - situation.bottom)
+    """Buoyancy of the body in still water [N]; a raked bow rises beyond the surface."""
+    draught, (length, height) = situation.depth - situation.bottom, situation.bow
+    side = situation.size[0] * draught - (0.5 * length * draught**2 / height if height else 0.0)
+    return WATER_DENSITY * GRAVITY * situation.size[1] * side
 
 
 def table(situation: Situation, data: xr.Dataset) -> str:

@@ -10,8 +10,6 @@ import numpy as np
 
 GROWTH = 1.05
 """Ratio of neighbouring cell widths outside the core [-]."""
-import os
-STEPS = os.environ.get("STEPS", "alternate")
 MISMATCH = 1.125
 """Largest ratio of the widths on the two sides of a mark [-]; `exumob.flow.Grid` allows 1.15."""
 
@@ -59,7 +57,7 @@ class Situation:
     settled: float = 2.0
     vertical_loads: bool = True
     bow: tuple[float, float] = (0.0, 0.0)
-    """The keel rises over this length at the bow, by this height [m]; its cells are cut in two along the rake"""
+    """Over this length at the bow the keel rises by this height [m]; the faces of the cells meet on the rake."""
 
     def __post_init__(self) -> None:
         if not self.cell_size > 0.0 or self.cell_size > min(self.size[:2]) / 3.0:
@@ -94,10 +92,9 @@ class Situation:
         return x, y, z
 
     def boxes(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Corners of the boxes whose cells interFoam leaves out [m]; a raked bow goes up in steps.
+        """Corners of the boxes whose cells interFoam leaves out [m]; a raked bow goes up in steps of a cell.
 
-        The steps alternate: the cells that the rake cuts in half belong to the water in one layer, to the body in the
-        next.
+        The cells that the rake cuts in half are left out.
         """
         center, half = np.array(self.center), 0.5 * np.array(self.size)
         low, high = center - half, center + half
@@ -109,13 +106,13 @@ class Situation:
         foot = int(np.argmin(np.abs(x - (high[0] - length))))
         parts = [(np.array([low[0], low[1], z[rake[-1]]]), high)]
         for n, k in enumerate(rake[:-1]):
-            end = x[foot + n + (n % 2 if STEPS == "alternate" else STEPS == "full")]
-            parts.append((np.array([low[0], low[1], z[k]]), np.array([end, high[1], z[k + 1]])))
+            corner = np.array([x[foot + n + 1], high[1], z[k + 1]])
+            parts.append((np.array([low[0], low[1], z[k]]), corner))
         return parts
 
     def _along(self, rake: np.ndarray) -> np.ndarray:
         """Faces along x through those of the rake [m], growing to `cell_size` on either side."""
-        ahead, behind, _, _ = self.margin
+        _, behind, _, _ = self.margin
         stern, s = self.center[0] - 0.5 * self.size[0], self.cell_size
         widths = [rake[1] - rake[0]]
         while sum(widths) < rake[0] - stern - s:
@@ -218,7 +215,9 @@ SITUATIONS = {
             settled=1.0,
         ),
         COLUMN,
-        replace(BOX, name="rake-1.0", about="hull with a raked bow, draught 42 mm, 1.0 m/s", current=1.0, bow=(0.12, 0.12)),
+        replace(
+            BOX, name="rake-1.0", about="hull with a raked bow, draught 42 mm, 1.0 m/s", current=1.0, bow=(0.12, 0.12)
+        ),
         replace(
             BOX,
             name="rake-2.0",

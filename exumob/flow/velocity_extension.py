@@ -193,11 +193,11 @@ def blend(
     gather speed. Only in the wedge between a given bed and what rolls over it, which water leaves by faces hardly open
     alone, is it drawn towards the walls' own velocity instead: a film that is squeezed sticks to them.
 
-    Faces that a sharp edge closes take what its walls impose, but for the part along the edge: on a wall the velocity of
-    the solid, half a cell behind it the slip velocity mirrored at that, 2 u_solid - u_slip, as without slip, and so on
-    walls, too, which water meets from outside. What the advection carries past the edge then has the solid's velocity
-    at the wall, and the flow separates there; with the slip velocity momentum would leak round the edge, the shear
-    layer into the wake with it, and behind a transom water would rise.
+    Faces that a sharp edge closes take what its walls impose, but for the part along the edge: on a wall the solid's
+    velocity, half a cell behind it the slip velocity mirrored at that, 2 u_solid - u_slip, as without slip, and
+    mirrored on walls, too, which water meets from outside. What the advection carries past the edge then has the
+    solid's velocity at the wall, and the flow separates there; with the slip velocity momentum would leak round the
+    edge, the shear layer into the wake with it, and water would rise behind a transom.
 
     Parameters
     ----------
