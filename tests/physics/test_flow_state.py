@@ -135,7 +135,7 @@ def test_the_flow_given_by_hand_is_checked():
 
 
 def test_walls_beside_a_sharp_edge_have_the_velocity_of_the_solid():
-    """Half a cell behind the side wall: against the current next to an edge, so that the wall's is 0; along it between."""
+    """Half a cell behind the side wall: against the current beside an edge (0 on the wall), with it between edges."""
     size, current = 1.0 / 60.0, 0.5
     grid = Grid(np.arange(-12, 13) * size, np.arange(-9, 10) * size, np.linspace(0.0, 0.2, 7))
     solver = FlowSolver(
