@@ -10,6 +10,8 @@ import numpy as np
 
 GROWTH = 1.05
 """Ratio of neighbouring cell widths outside the core [-]."""
+RAKE_GROWTH = 1.12
+"""The same along the hull, from a raked bow on [-]."""
 MISMATCH = 1.125
 """Largest ratio of the widths on the two sides of a mark [-]; `exumob.flow.Grid` allows 1.15."""
 
@@ -116,7 +118,7 @@ class Situation:
         stern, s = self.center[0] - 0.5 * self.size[0], self.cell_size
         widths = [rake[1] - rake[0]]
         while sum(widths) < rake[0] - stern - s:
-            widths.append(min(1.12 * widths[-1], s))
+            widths.append(min(RAKE_GROWTH * widths[-1], s))
         widths = np.array(widths) * (rake[0] - stern) / sum(widths)
         hull = rake[0] - np.cumsum(widths)
         aft = stern - outward(stern - self.low[0], behind, float(widths[-1]), GROWTH)

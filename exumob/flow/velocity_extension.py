@@ -27,7 +27,7 @@ HARDLY_OPEN = 0.05
 BLEND_RATE = 50.0
 """... at BLEND_RATE [(BLENDED - beta) / beta]^2, beta the area fraction [1/s]."""
 MET = 4.0
-"""A wall at an edge counts as met by water from where this times the share of the speed through it is 1 [-]."""
+"""A wall at an edge is wholly met by water of which one over this of the speed goes through it, partly below [-]."""
 LAYERS = 3
 """Faces beyond the water to which the velocity is extended."""
 REACH = LAYERS + 1
@@ -270,7 +270,8 @@ def _blend_row(
                 through = gx * vx + gy * vy + gz * vz
                 along = gx if axis == 0 else (gy if axis == 1 else gz)
                 target = extended[axis][j, k, i] - along * through
-                if n != bed:
+                closed = _closed_by_edge(bodies, axis, j, k, i) if n != bed else 0.0
+                if closed > 0.0:
                     own = ux if axis == 0 else (uy if axis == 1 else uz)
                     turns = max(_bend(d, axis, (j, k, i), metrics), _bend(d, axis, (jb, kb, ib), metrics))
                     wide = abs(gx) * metrics.dx[i] + abs(gy) * metrics.dy[j] + abs(gz) * metrics.dz[k]
@@ -278,7 +279,7 @@ def _blend_row(
                     meets = -along * (vx if axis == 0 else (vy if axis == 1 else vz))
                     if meets > 0.0:
                         behind = max(behind, min(MET * meets / math.sqrt(vx * vx + vy * vy + vz * vz), 1.0))
-                    target += turns * _closed_by_edge(bodies, axis, j, k, i) * (1.0 + behind) * (own - target)
+                    target += turns * closed * (1.0 + behind) * (own - target)
                 if not math.isfinite(target):
                     on_bed = o.nearest[j, k, i] == bed or o.nearest[jb, kb, ib] == bed
                     if not (on_bed or o.nearest[j, k - 1, i] == bed or o.nearest[jb, kb - 1, ib] == bed):

@@ -9,9 +9,10 @@ Bernoulli's equation gives an exact figure: on the way to the front the head, le
 current; the limit is 10 % of U^2 / (2 g).
 In a channel whose walls it comes near to, a square column's coefficient is 1.9 (1 + 1.9 b / (2 w))^2, column of width b
 in a channel of width w, as long as the flow beside it stays subcritical (Qi, Eames & Johnson, J. Fluid Mech. 756 (2014)
-263). `exumob.flow.area_fractions.EDGE` is fitted to b/w = 0.2 at six cells; the other cases were computed once, after
-that. Limits: 15 % at six cells to the side, 10 % at eight. At b/w = 0.4 the flow is on the verge of being choked, and
-the number is reported.
+263). `exumob.flow.area_fractions.EDGE` is fitted to b/w = 0.2 at six cells, and by it, beside a box and a hull in a
+fast current, the rule for walls at edges was chosen. By the other cases nothing was chosen; they were computed again
+with each of three rules. Limits: 15 % at six cells to the side, 10 % at eight. At b/w = 0.4 the flow is on the verge of
+being choked, and the number is reported.
 
 What to expect of the solver: partly open faces round edges off by about a cell without `FlowSettings.sharp_edges`,
 which leaves 60 % of the drag of a square of six cells. Prisms with edges rounded at r / D = 0.02, 0.17 and 0.33 have
