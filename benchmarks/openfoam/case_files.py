@@ -105,13 +105,12 @@ def block_mesh(situation: Situation) -> str:
 
 def topo_set(situation: Situation) -> str:
     """The cells outside the body."""
-    center, half = np.array(situation.center), 0.5 * np.array(situation.size)
-    corners = f"{vector(center - half)} {vector(center + half)}"
-    return (
-        "actions (\n"
-        f"  {{ name water; type cellSet; action new; source boxToCell; box {corners}; }}\n"
-        "  { name water; type cellSet; action invert; }\n);\n"
+    boxes = "".join(
+        f"  {{ name water; type cellSet; action {'add' if n else 'new'}; source boxToCell; "
+        f"box {vector(low)} {vector(high)}; }}\n"
+        for n, (low, high) in enumerate(situation.boxes())
     )
+    return f"actions (\n{boxes}  {{ name water; type cellSet; action invert; }}\n);\n"
 
 
 def control(situation: Situation, duration: float, steps: int | None) -> str:

@@ -26,8 +26,8 @@ import interfoam
 from case_files import GRAVITY, TURBULENCE, WATER_DENSITY, profile_points, profile_row
 from situations import SITUATIONS, Situation
 
-from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box
-from exumob.flow.solids import HULL_FRICTION
+from exumob.flow import FlowSettings, FlowSolver, Grid, Poses, box, prism
+from exumob.flow.solids import HULL_FRICTION, Solid
 from exumob.simulation.result_files import save_dataset
 from exumob.simulation.results import provenance
 from exumob.water.conditions import Water
@@ -47,12 +47,22 @@ COST_STEPS, COST_SKIP = 60, 20
 
 def start(situation: Situation, threads: int) -> FlowSolver:
     """Start exumob's solver on the grid of the situation, at the instant when the current starts."""
-    solid = box(*situation.size, friction=HULL_FRICTION)
+    solid = body(situation)
     settings = FlowSettings(follow=None, far_x=True, far_y=False, threads=threads)
     water = Water(situation.depth, situation.current, density=WATER_DENSITY)
     solver = FlowSolver(Grid(*situation.faces()), (solid,), water, settings)
     solver.start(Poses.at_rest([situation.center]))
     return solver
+
+
+def body(situation: Situation) -> Solid:
+    """Box, or box with a raked bow."""
+    length, height = situation.bow
+    if not height:
+        return box(*situation.size, friction=HULL_FRICTION)
+    half, keel, deck = 0.5 * situation.size[0], -0.5 * situation.size[2], 0.5 * situation.size[2]
+    outline = [[-half, keel], [half - length, keel], [half, keel + height], [half, deck], [-half, deck]]
+    return prism(np.array(outline), situation.size[1], HULL_FRICTION)
 
 
 def run_exumob(situation: Situation, threads: int) -> interfoam.Run:
@@ -158,8 +168,10 @@ def rows(situation: Situation, data: xr.Dataset) -> list[tuple[str, float, float
 
 
 def buoyancy(situation: Situation) -> float:
-    """Buoyancy of the body in still water [N]; it is a box."""
-    return WATER_DENSITY * GRAVITY * situation.size[0] * situation.size[1] * (situation.depth - situation.bottom)
+    """Buoyancy of the body in still water [N]; a raked bow rises beyond the surface."""
+    draught, (length, height) = situation.depth - situation.bottom, situation.bow
+    side = situation.size[0] * draught - (0.5 * length * draught**2 / height if height else 0.0)
+    return WATER_DENSITY * GRAVITY * situation.size[1] * side
 
 
 def table(situation: Situation, data: xr.Dataset) -> str:

@@ -10,6 +10,8 @@ import numpy as np
 
 GROWTH = 1.05
 """Ratio of neighbouring cell widths outside the core [-]."""
+RAKE_GROWTH = 1.12
+"""The same along the hull, from a raked bow on [-]."""
 MISMATCH = 1.125
 """Largest ratio of the widths on the two sides of a mark [-]; `exumob.flow.Grid` allows 1.15."""
 
@@ -56,6 +58,8 @@ class Situation:
     duration: float = 4.0
     settled: float = 2.0
     vertical_loads: bool = True
+    bow: tuple[float, float] = (0.0, 0.0)
+    """Over this length at the bow the keel rises by this height [m]; the faces of the cells meet on the rake."""
 
     def __post_init__(self) -> None:
         if not self.cell_size > 0.0 or self.cell_size > min(self.size[:2]) / 3.0:
@@ -81,8 +85,45 @@ class Situation:
         x = graded((c[0] - half[0], c[0] + half[0]), behind, ahead, self.low[0], self.high[0], s)
         y = graded((c[1] - half[1], c[1] + half[1]), aside, aside, self.low[1], self.high[1], s)
         lower = (0.0, self.bottom) if 0.0 < self.bottom < self.depth else (0.0,)
-        z = graded((*lower, self.depth), 0.0, above, 0.0, self.high[2], self.flatness * s)
+        length, height = self.bow
+        upper = (self.bottom + height,) if height else ()
+        z = graded((*lower, self.depth, *upper), 0.0, above, 0.0, self.high[2], self.flatness * s)
+        if height:
+            rake = z[(z > self.bottom - 1e-9) & (z < self.bottom + height + 1e-9)]
+            x = self._along(c[0] + half[0] - length + length / height * (rake - self.bottom))
         return x, y, z
+
+    def boxes(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Corners of the boxes whose cells interFoam leaves out [m]; a raked bow goes up in steps of a cell.
+
+        The cells that the rake cuts in half are left out.
+        """
+        center, half = np.array(self.center), 0.5 * np.array(self.size)
+        low, high = center - half, center + half
+        length, height = self.bow
+        if not height:
+            return [(low, high)]
+        x, _, z = self.faces()
+        rake = np.flatnonzero((z > self.bottom - 1e-9) & (z < self.bottom + height + 1e-9))
+        foot = int(np.argmin(np.abs(x - (high[0] - length))))
+        parts = [(np.array([low[0], low[1], z[rake[-1]]]), high)]
+        for n, k in enumerate(rake[:-1]):
+            corner = np.array([x[foot + n + 1], high[1], z[k + 1]])
+            parts.append((np.array([low[0], low[1], z[k]]), corner))
+        return parts
+
+    def _along(self, rake: np.ndarray) -> np.ndarray:
+        """Faces along x through those of the rake [m], growing to `cell_size` on either side."""
+        _, behind, _, _ = self.margin
+        stern, s = self.center[0] - 0.5 * self.size[0], self.cell_size
+        widths = [rake[1] - rake[0]]
+        while sum(widths) < rake[0] - stern - s:
+            widths.append(min(RAKE_GROWTH * widths[-1], s))
+        widths = np.array(widths) * (rake[0] - stern) / sum(widths)
+        hull = rake[0] - np.cumsum(widths)
+        aft = stern - outward(stern - self.low[0], behind, float(widths[-1]), GROWTH)
+        fore = outward(self.high[0] - rake[-1], 0.03, float(rake[-1] - rake[-2]), GROWTH) + rake[-1]
+        return np.concatenate([aft[::-1], hull[::-1], rake, fore])
 
     @property
     def n_cells(self) -> int:
@@ -167,6 +208,26 @@ SITUATIONS = {
     for s in (
         BOX,
         replace(BOX, name="box-1.0", about="box 1.00 x 0.44 m, draught 42 mm, 1.0 m/s", current=1.0),
+        replace(
+            BOX,
+            name="box-2.0",
+            about="box 1.00 x 0.44 m, draught 42 mm, 2.0 m/s",
+            current=2.0,
+            duration=3.0,
+            settled=1.0,
+        ),
         COLUMN,
+        replace(
+            BOX, name="rake-1.0", about="hull with a raked bow, draught 42 mm, 1.0 m/s", current=1.0, bow=(0.12, 0.12)
+        ),
+        replace(
+            BOX,
+            name="rake-2.0",
+            about="hull with a raked bow, draught 42 mm, 2.0 m/s",
+            current=2.0,
+            duration=3.0,
+            settled=1.0,
+            bow=(0.12, 0.12),
+        ),
     )
 }

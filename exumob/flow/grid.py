@@ -38,7 +38,7 @@ CORE_TOP = 1.2
 """Height up to which cells round a vehicle are cubes, over the tyre's diameter [-]."""
 GROWTH = Quantity("1", at_least=1.0, at_most=1.1, remedy="strong stretching slows the pressure solver.")
 """Ratio of neighbouring widths"""
-BYTES_PER_CELL = 490.0
+BYTES_PER_CELL = 515.0
 """Memory of the solver, all fields and levels together [bytes] (`benchmarks/flow_scaling.py`)."""
 
 

@@ -200,7 +200,8 @@ class TimeStep:
         blending = velocity_extension.Blending(old.velocity, old.extended, old.wet, self.fluid.density, step.dt)
         given = self.placement.bed
         bed = velocity_extension.NO_BED if given is None else given.number
-        wrenches = velocity_extension.blend(blending, self.placement.area_fractions, walls, bed, self.metrics)
+        o, bodies = self.placement.area_fractions, self.placement.bodies
+        wrenches = velocity_extension.blend(blending, o, bodies, walls, bed, self.metrics)
         return step.solids.in_body_axes(wrenches[: len(step.solids.position)])
 
     def place_solids(self, step: Step, poses: Poses) -> None:

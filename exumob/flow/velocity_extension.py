@@ -22,8 +22,12 @@ TRUSTED = 0.5
 """Faces at least this open keep their own velocity and give it to their neighbours [-]."""
 BLENDED = 0.7
 """Faces less open than this are drawn towards the slip velocity [-]."""
+HARDLY_OPEN = 0.05
+"""Faces less open than this by the solids' walls count less as closed by an edge [-]."""
 BLEND_RATE = 50.0
 """... at BLEND_RATE [(BLENDED - beta) / beta]^2, beta the area fraction [1/s]."""
+MET = 4.0
+"""A wall at an edge is wholly met by water of which one over this of the speed goes through it, partly below [-]."""
 LAYERS = 3
 """Faces beyond the water to which the velocity is extended."""
 REACH = LAYERS + 1
@@ -178,7 +182,8 @@ class Blending(NamedTuple):
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def blend(
-    blending: Blending, area_fractions: AreaFractions, solids: PlacedSolids, bed: int, metrics: Metrics
+    blending: Blending, area_fractions: AreaFractions, bodies: AreaFractions, solids: PlacedSolids, bed: int,
+    metrics: Metrics,
 ) -> Array:  # fmt: skip
     """Draw small open faces towards the extended velocity without its part through the wall; set closed ones to it.
 
@@ -188,10 +193,17 @@ def blend(
     gather speed. Only in the wedge between a given bed and what rolls over it, which water leaves by faces hardly open
     alone, is it drawn towards the walls' own velocity instead: a film that is squeezed sticks to them.
 
+    Faces that a sharp edge closes take what its walls impose, but for the part along the edge: on a wall the solid's
+    velocity, half a cell behind it the slip velocity mirrored at that, 2 u_solid - u_slip, as without slip, and
+    mirrored on walls, too, which water meets from outside. What the advection carries past the edge then has the
+    solid's velocity at the wall, and the flow separates there; with the slip velocity momentum would leak round the
+    edge, the shear layer into the wake with it, and water would rise behind a transom.
+
     Parameters
     ----------
     blending : Blending
-    area_fractions : AreaFractions
+    area_fractions, bodies : AreaFractions
+        Of solids and a given bed, and of the solids alone.
     solids : PlacedSolids
         The solids and, last, a given bed.
     bed : int
@@ -211,7 +223,7 @@ def blend(
         (j0, j1), _, _ = cells_near(solids.regions, n, wet.shape)
         for j in prange(j0, j1):
             here = Blending(velocity, extended, wet, density, dt)
-            _blend_row(j, n, here, area_fractions, solids, bed, metrics, rows[j])
+            _blend_row(j, n, here, area_fractions, bodies, solids, bed, metrics, rows[j])
         for j in range(ny):
             for m in range(6):
                 wrenches[n, m] += rows[j, m]
@@ -220,8 +232,8 @@ def blend(
 
 @njit(cache=True, error_model="numpy")
 def _blend_row(
-    j: int, n: int, blending: Blending, area_fractions: AreaFractions, solids: PlacedSolids, bed: int,
-    metrics: Metrics, wrench: Array,
+    j: int, n: int, blending: Blending, area_fractions: AreaFractions, bodies: AreaFractions, solids: PlacedSolids,
+    bed: int, metrics: Metrics, wrench: Array,
 ) -> None:  # fmt: skip
     """Row j of `blend` for solid n."""
     velocity, extended, wet, density, dt = blending
@@ -252,13 +264,22 @@ def _blend_row(
                 y = (metrics.yf[j] if axis == 1 else metrics.yc[j]) - position[1]
                 z = (metrics.zf[k] if axis == 2 else metrics.zc[k]) - position[2]
                 ux, uy, uz = body_velocity(solids, n, x, y, z)
-                through = (
-                    gx * (_at(extended[0], 0, axis, j, k, i) - ux)
-                    + gy * (_at(extended[1], 1, axis, j, k, i) - uy)
-                    + gz * (_at(extended[2], 2, axis, j, k, i) - uz)
-                )
+                vx = _at(extended[0], 0, axis, j, k, i) - ux
+                vy = _at(extended[1], 1, axis, j, k, i) - uy
+                vz = _at(extended[2], 2, axis, j, k, i) - uz
+                through = gx * vx + gy * vy + gz * vz
                 along = gx if axis == 0 else (gy if axis == 1 else gz)
                 target = extended[axis][j, k, i] - along * through
+                closed = _closed_by_edge(bodies, axis, j, k, i) if n != bed else 0.0
+                if closed > 0.0:
+                    own = ux if axis == 0 else (uy if axis == 1 else uz)
+                    turns = max(_bend(d, axis, (j, k, i), metrics), _bend(d, axis, (jb, kb, ib), metrics))
+                    wide = abs(gx) * metrics.dx[i] + abs(gy) * metrics.dy[j] + abs(gz) * metrics.dz[k]
+                    behind = min(max(-(d[j, k, i] + d[jb, kb, ib]) / wide, 0.0), 1.0)
+                    meets = -along * (vx if axis == 0 else (vy if axis == 1 else vz))
+                    if meets > 0.0:
+                        behind = max(behind, min(MET * meets / math.sqrt(vx * vx + vy * vy + vz * vz), 1.0))
+                    target += turns * closed * (1.0 + behind) * (own - target)
                 if not math.isfinite(target):
                     on_bed = o.nearest[j, k, i] == bed or o.nearest[jb, kb, ib] == bed
                     if not (on_bed or o.nearest[j, k - 1, i] == bed or o.nearest[jb, kb - 1, ib] == bed):
@@ -278,6 +299,32 @@ def _blend_row(
                     add_wrench(wrench, (x, y, z), (fx, fy, force if axis == 2 else 0.0))
                     target = here + change
                 velocity[axis][j, k, i] = target
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _bend(d: Array, axis: int, cell: tuple[int, int, int], m: Metrics) -> float:
+    """Change of the distance's slope along `axis` over a cell, at most 1 [-]: 0 where an edge runs along the axis."""
+    j, k, i = cell
+    here = d[j, k, i]
+    if axis == 0:
+        return min(abs((d[j, k, i + 1] - here) / m.ex[i + 1] - (here - d[j, k, i - 1]) / m.ex[i]), 1.0)
+    if axis == 1:
+        return min(abs((d[j + 1, k, i] - here) / m.ey[j + 1] - (here - d[j - 1, k, i]) / m.ey[j]), 1.0)
+    return min(abs((d[j, k + 1, i] - here) / m.ez[k + 1] - (here - d[j, k - 1, i]) / m.ez[k]), 1.0)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _closed_by_edge(bodies: AreaFractions, axis: int, j: int, k: int, i: int) -> float:
+    """Share of the face (axis; j, k, i) left open by the solids' walls that their sharp edges close [-].
+
+    It goes to nothing with what the walls leave open, so that it does not jump.
+    """
+    b, a = bodies.bx[j, k, i], bodies.ax[j, k, i]
+    if axis == 1:
+        b, a = bodies.by[j, k, i], bodies.ay[j, k, i]
+    elif axis == 2:
+        b, a = bodies.bz[j, k, i], bodies.az[j, k, i]
+    return (a - b) / max(a, HARDLY_OPEN)
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -23,6 +23,6 @@ def flow_load_error() -> str:
     """Say how far the loads of the flow solver are known to be off."""
     loads = measured_errors()["flow_loads"]
     return (
-        f"the flow's drag of plain bodies is {100.0 * loads['drag_low']:.2g} to {100.0 * loads['drag_high']:.2g} % "
-        "below that of another solver; no vehicle was measured in water."
+        f"the flow's drag of plain bodies is between {-100.0 * loads['drag_low']:.2g} % below and "
+        f"{100.0 * loads['drag_high']:.2g} % above that of another solver; no vehicle was measured in water."
     )

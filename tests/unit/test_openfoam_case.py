@@ -56,7 +56,8 @@ def test_grid_suits_both_solvers(situation, cells):
     situation = situation.with_cells(cells)
     faces = situation.faces()
     grid = Grid(*faces)
-    assert grid.n_cells == situation.n_cells == pytest.approx(cells, rel=0.25)
+    within = 0.3 if situation.bow[1] else 0.25  # the layers between keel, level and the rake's end are few
+    assert grid.n_cells == situation.n_cells == pytest.approx(cells, rel=within)
     for axis in range(3):
         assert faces[axis][[0, -1]] == pytest.approx([situation.low[axis], situation.high[axis]])
     assert np.abs(faces[2] - situation.depth).min() < 1e-12
