@@ -45,7 +45,12 @@ def learn_command(  # one argument an option of the command line
     directions: Annotated[
         Sides, option(WATER, "Where currents come from: ahead, ahead and behind (along), or all sides.")
     ] = Sides.all,
-    budget: Annotated[float, option(RUN, "Time of a core for runs and training. [h]")] = 12.0,
+    budget: Annotated[
+        float | None,
+        option(
+            RUN, "Time of a core for runs and training. Default: 12, or what the least runs take if that is more. [h]"
+        ),
+    ] = None,
     output: Annotated[
         Path | None, option(OUTPUT, "Folder for runs, networks and report card; needed but with --plan.")
     ] = None,
@@ -127,12 +132,13 @@ def learn_command(  # one argument an option of the command line
     raise typer.Exit(1 if failed else 0)
 
 
-def _check_numbers(budget: float, run_time: float | None) -> None:
+def _check_numbers(budget: float | None, run_time: float | None) -> None:
     """Refuse a budget or a time of which no plan can be made."""
     from exumob.learning.plan import BUDGET
     from exumob.support.quantities import DURATION
 
-    BUDGET.check("--budget", budget)
+    if budget is not None:
+        BUDGET.check("--budget", budget)
     if run_time is not None:
         DURATION.check("--run-time", run_time)
 

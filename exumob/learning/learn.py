@@ -73,7 +73,7 @@ def learn_from(  # each argument is a choice of its own
                   progress=progress)  # fmt: skip
     members = [NetworkSet.load(file) for file in files.values()]
     compared = {name: compare_loads(members, run, plan.vehicle) for name, run in apart.items()}
-    errors = load_errors(compared)
+    errors = load_errors(compared, plan.vehicle)
     drives = compare_drives(members, plan, apart)
     figures = card_figures(plan, members, errors, drives, taught, apart)
     contents = CardContents(

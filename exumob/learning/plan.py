@@ -42,6 +42,8 @@ LISTED = 25
 """Runs that a plan lists one by one."""
 BUDGET = Quantity("h", above=0.0, at_most=1e6)
 """Time of a core"""
+USUAL_BUDGET = 12.0
+"""Budget that is taken if none is given, or what the least runs of a vehicle take where that is more [h]."""
 CORNERS = ((0.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.5), (1.0, 0.0, 0.0))
 """Shares of the ranges of depth, current and its direction in the first captive runs, which are never kept apart: the
 fastest current comes from ahead, where most drives are, and from behind."""
@@ -270,7 +272,7 @@ def maneuver_name(maneuver: Maneuver) -> str:
 def make_plan(  # each argument is a choice of its own
     vehicle: Vehicle,
     wanted: LearningRange,
-    budget: Annotated[float, BUDGET],
+    budget: Annotated[float | None, BUDGET],
     cell_size: Annotated[float, CELL_SIZE],
     envelope: Envelope,
     *,
@@ -284,8 +286,8 @@ def make_plan(  # each argument is a choice of its own
     ----------
     vehicle : Vehicle
     wanted : LearningRange
-    budget : float
-        Time of a core for runs and training [h].
+    budget : float or None
+        Time of a core for runs and training [h]; None: `USUAL_BUDGET`, or what the least runs take where that is more.
     cell_size : float
         Of the flow round the vehicle [m]. Cells too coarse for a gap are said to lose it, and taken.
     envelope : Envelope
@@ -316,6 +318,8 @@ def make_plan(  # each argument is a choice of its own
     def price(tasks: list[Task]) -> float:
         return (sum(task.cost.seconds for task in tasks) + _training(tasks, preset, seeds)) / 3600.0
 
+    if budget is None:
+        budget = max(USUAL_BUDGET, math.ceil(price(chosen)))
     if price(chosen) > budget:
         _refuse_budget(chosen, price(chosen), budget, cell_size)
     for task in itertools.islice(free, MOST_FREE - 1):

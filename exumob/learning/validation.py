@@ -19,6 +19,7 @@ from exumob.paper.reference_runs import SOIL
 from exumob.simulation.run import simulate
 from exumob.simulation.summary import range_shares
 from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 from exumob.support.errors import SimulationError
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
@@ -34,6 +35,9 @@ DEVIATIONS = tuple(round(0.25 * n, 2) for n in range(1, 17))
 TWO = DEVIATIONS.index(2.0)
 BETTER = 0.95
 """Error over that of the coefficients from which networks are called no better than they are [-]."""
+LEAST_LOAD = 1e-3
+"""Deviation of a load over the vehicle's weight (a moment: times half the wheelbase) below which an error is taken over
+this much: the dry hull of shallow water has loads of next to nothing, and errors of many times that do nothing [-]."""
 LEAST_PATH = 0.05
 """Length of path from which the end of a drive is compared, over the vehicle's wheelbase [-]."""
 
@@ -70,23 +74,31 @@ def compare_loads(members: Sequence[NetworkSet], run: xr.Dataset, vehicle: Vehic
     return Compared(run["time"].values[rows], flow, loads.mean(axis=0), spread, base[rows])
 
 
-def load_errors(compared: Mapping[str, Compared]) -> xr.Dataset:
+def load_errors(compared: Mapping[str, Compared], vehicle: Vehicle) -> xr.Dataset:
     """Measure the errors of loads over several runs together.
+
+    Parameters
+    ----------
+    compared : mapping
+        Loads along runs, by name.
+    vehicle : Vehicle
+        Its weight and wheelbase tell which loads are next to nothing (`LEAST_LOAD`).
 
     Returns
     -------
     xarray.Dataset
         ``networks``, ``coefficients`` (body, component): root mean square error over the deviation of the flow's loads
-        in all runs [-]; ``by_run`` (run): the mean of it over bodies and components, by the deviation in all runs;
-        ``inside`` (deviations): share of the samples that lie within so many standard deviations of the ensemble [-];
-        ``deviation``, ``spread`` (body, component): of the flow's loads, and root mean square of the ensemble's [N,
-        N m].
+        in all runs, or over `LEAST_LOAD` where that is more [-]; ``by_run`` (run): the mean of it over bodies and
+        components, by the deviation in all runs; ``inside`` (deviations): share of the samples that lie within so many
+        standard deviations of the ensemble [-]; ``deviation``, ``spread`` (body, component): what errors are taken
+        over, and root mean square of the ensemble's deviation [N, N m].
     """
     flow, networks, spread, coefficients = (
         np.concatenate([getattr(one, name) for one in compared.values()])
         for name in ("flow", "networks", "spread", "coefficients")
     )
-    deviation = np.maximum(flow.std(axis=0), 1e-9)
+    least = LEAST_LOAD * vehicle.mass * GRAVITY
+    deviation = np.maximum(flow.std(axis=0), np.repeat([least, 0.5 * vehicle.wheelbase * least], 3))
 
     def rms(values: Array) -> Array:
         return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

@@ -13,7 +13,9 @@ from made_up_learning import ENVELOPE, states_run
 from exumob.learning import campaign
 from exumob.learning.campaign import LearningFolder, captive_histories
 from exumob.learning.dataset import check_run
-from exumob.learning.plan import APART, LISTED, CaptiveTask, FreeTask, LearningRange, make_plan, maneuver_name
+from exumob.learning.plan import (
+    APART, LISTED, USUAL_BUDGET, CaptiveTask, FreeTask, LearningRange, make_plan, maneuver_name,
+)
 from exumob.simulation.result_files import save_dataset
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
@@ -98,6 +100,16 @@ def test_a_larger_budget_adds_runs_to_those_of_a_smaller_one(plan):
 def test_a_budget_too_small_is_refused_with_what_it_buys():
     with pytest.raises(ValueError, match=r"budget = 0.01 h buys about .* s of flow on cells of 45 mm, and .* 0\.\d+ h"):
         make_plan(CAR, WANTED, 0.01, 0.045, ENVELOPE)
+
+
+@pytest.mark.parametrize("cell_size", [0.045, 0.008], ids=["usual", "more"])
+def test_without_a_budget_the_least_runs_can_be_made(cell_size):
+    """Twelve hours, or what the least runs take where that is more."""
+    made = make_plan(CAR, WANTED, None, cell_size, ENVELOPE)
+    least = make_plan(CAR, WANTED, made.budget, cell_size, ENVELOPE, run_time=made.tasks[0].duration)
+    assert made.budget >= USUAL_BUDGET and least.tasks == made.tasks
+    if cell_size < 0.02:
+        assert made.budget > USUAL_BUDGET and len(made.tasks) == APART + 1
 
 
 def test_the_plan_says_what_cells_lose_and_what_it_takes(plan):

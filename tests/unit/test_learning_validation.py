@@ -1,0 +1,44 @@
+"""Errors of loads, and networks that are no better than coefficients: they are called so, with what to do."""
+
+import numpy as np
+import pytest
+
+from exumob.learning.validation import LEAST_LOAD, Compared, load_errors, shortfall
+from exumob.support.constants import GRAVITY
+from vehicle_models.amphibious import amphibious_vehicle
+from vehicle_models.small_car import small_car
+
+
+@pytest.mark.parametrize("vehicle", [amphibious_vehicle(), small_car()], ids=lambda vehicle: vehicle.name)
+@pytest.mark.parametrize("part", [10.0, 0.1], ids=["felt", "next to nothing"])
+def test_errors_are_taken_over_deviations_that_a_vehicle_feels(vehicle, part):
+    """Loads that are 1 and -1 times a deviation; networks off by half of it, coefficients by twice."""
+    least = LEAST_LOAD * vehicle.mass * GRAVITY * np.repeat([1.0, 0.5 * vehicle.wheelbase], 3)
+    signs = np.tile([1.0, -1.0], 50)[:, None, None] * np.ones((5, 6))
+    flow = part * least * signs
+    one = Compared(np.arange(100.0), flow, 1.5 * flow, np.zeros_like(flow), -flow)
+    errors = load_errors({"a": one, "b": one}, vehicle)
+    assert errors["networks"].values == pytest.approx(np.full((5, 6), 0.5 * min(part, 1.0)))
+    assert errors["coefficients"].values == pytest.approx(np.full((5, 6), 2.0 * min(part, 1.0)))
+    assert errors["by_run"].values == pytest.approx([0.5 * min(part, 1.0)] * 2)
+    assert errors["deviation"].values == pytest.approx(np.tile(max(part, 1.0) * least, (5, 1)))
+
+
+@pytest.mark.parametrize(
+    ("loads", "ends", "said"),
+    [
+        ((0.2, 0.5), [(0.01, 0.1)], ()),
+        ((0.5, 0.5), [(0.01, 0.1)], ("in the loads",)),
+        ((0.2, 0.5), [(0.2, 0.1)], ("in where drives end",)),
+        ((0.6, 0.5), [(0.2, 0.1), (0.1, None)], ("in the loads", "in where drives end")),
+        ((0.2, 0.5), [], ()),
+    ],
+)
+def test_networks_no_better_than_coefficients_are_called_so(loads, ends, said):
+    figures = {
+        "load_error": loads[0], "coefficients_load_error": loads[1],
+        "drives": [{"end": one, "coefficients_end": other} for one, other in ends],
+    }  # fmt: skip
+    text = shortfall(figures)
+    assert all(part in text for part in said) and bool(text) == bool(said)
+    assert not said or "--budget" in text
