@@ -24,7 +24,7 @@ ENVELOPE = Envelope(
     heave=(-0.029, 0.033), pitch=(-0.023, 0.024), roll=(-0.01, 0.01), sinkage=(0.0, 0.015), slow=0.5, fast=2.0,
     rates=(2.5, 1.2, 1.6, 3.3, 2.5, 0.018, 0.084, 0.031, 0.035),
 )  # fmt: skip
-"""About that of the amphibious vehicle. Without its rates a hull that heaves fast feels its added mass, and little else."""
+"""About that of the amphibious vehicle. Without rates a hull that heaves fast feels little but its added mass."""
 MORE = 1.3
 """Loads over those of the coefficient model [-]."""
 

@@ -69,6 +69,9 @@ def learn_command(  # one argument an option of the command line
         float | None,
         option(EXPERT, "Simulated time of a captive run. Default: by Froude's law, 8 s on a wheelbase of 0.714 m. [s]"),
     ] = None,
+    mpi: Annotated[
+        bool, option(EXPERT, "Use the ranks of mpiexec -n 4 python -m mpi4py.futures -m exumob learn ...", "--mpi")
+    ] = False,
     mixed: Annotated[
         bool, option(EXPERT, "Learn from runs of several versions of the flow solver, too.", "--mixed")
     ] = False,
@@ -88,6 +91,11 @@ def learn_command(  # one argument an option of the command line
         for name, number in (("--seeds", seeds), ("--jobs", jobs)):
             if not 1 <= number <= MOST:
                 raise ValueError(f"{name} {shown(number)} must be 1 to {MOST}; give a number within.")
+        side_by_side = jobs
+        if mpi and not plan:
+            from exumob.learning.campaign import working_ranks
+
+            side_by_side = working_ranks()
         if output is None and not plan:
             raise ValueError("--output is missing; give the folder for runs and networks, or --plan to see the plan.")
         from exumob.learning.presets import BEST, PRESETS
@@ -112,7 +120,7 @@ def learn_command(  # one argument an option of the command line
         with option_names():
             chosen = PRESETS[BEST if preset is None else preset]
             made = make_plan(car, wanted, budget, size, envelope, seeds=seeds, preset=chosen, run_time=run_time)
-        for line in made.lines(jobs):
+        for line in made.lines(side_by_side):
             console.print(line, soft_wrap=True)
         if folder is None:
             return
@@ -122,7 +130,7 @@ def learn_command(  # one argument an option of the command line
     except ImportError as error:
         fail(ImportError(f"{error}; training needs torch: pip install 'exumob[train]'"))
     try:
-        failed = _make_runs(made, folder, jobs, mixed)
+        failed = _make_runs(made, folder, jobs, mpi, mixed)
         _train(made, folder, jobs, mixed, failed)
     except (ValueError, RuntimeError, OSError) as error:
         fail(error)
@@ -160,7 +168,7 @@ def _envelope(car: Vehicle, wanted: LearningRange, folder: Path) -> Envelope:
         return stored_envelope(car, wanted, folder, lambda done, of: bar.update(task, completed=done, total=of))
 
 
-def _make_runs(made: LearningPlan, folder: LearningFolder, jobs: int, mixed: bool) -> dict[str, str]:
+def _make_runs(made: LearningPlan, folder: LearningFolder, jobs: int, mpi: bool, mixed: bool) -> dict[str, str]:
     """Make the runs that are missing; say what broke down."""
     from exumob.learning.campaign import run_campaign
 
@@ -179,7 +187,7 @@ def _make_runs(made: LearningPlan, folder: LearningFolder, jobs: int, mixed: boo
             if step.done:
                 console.print(f"{step.name}: {step.error or 'finished'}", soft_wrap=True)
 
-        return run_campaign(missing, made.vehicle, folder, jobs=jobs, anew=mixed, progress=progress)
+        return run_campaign(missing, made.vehicle, folder, jobs=jobs, mpi=mpi, anew=mixed, progress=progress)
 
 
 def _train(

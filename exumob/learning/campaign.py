@@ -12,11 +12,11 @@ import logging
 import multiprocessing
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import xarray as xr
@@ -200,9 +200,9 @@ class RunProgress:
     """What ended it, if it broke down"""
 
 
-def run_campaign(
-    tasks: Sequence[Task], vehicle: Vehicle, folder: LearningFolder, *, jobs: int = 1, anew: bool = False,
-    progress: Callable[[RunProgress], None] | None = None,
+def run_campaign(  # each argument is a choice of its own
+    tasks: Sequence[Task], vehicle: Vehicle, folder: LearningFolder, *, jobs: int = 1, mpi: bool = False,
+    anew: bool = False, progress: Callable[[RunProgress], None] | None = None,
     compute: Callable[[Task, Vehicle, Path, Callable[[float], None]], xr.Dataset] | None = None,
 ) -> dict[str, str]:  # fmt: skip
     """Make the runs that are missing, side by side, each in a process of its own with one thread.
@@ -214,6 +214,9 @@ def run_campaign(
     folder : LearningFolder
     jobs : int
         Number of processes.
+    mpi : bool
+        Use the ranks of ``mpiexec -n 4 python -m mpi4py.futures script.py`` (one leads, the others work); they see the
+        same folder. Progress is then reported when a run ends.
     anew : bool
         Begin runs anew whose checkpoints are of another version; else they are errors.
     progress : callable, optional
@@ -226,6 +229,11 @@ def run_campaign(
     -------
     dict
         Errors of runs that broke down, by name; the others are in the folder.
+
+    Raises
+    ------
+    ValueError
+        If ranks of MPI are wanted, and there are none.
     """
     missing = folder.unfinished(tasks)
     failed: dict[str, str] = {}
@@ -233,7 +241,10 @@ def run_campaign(
         return failed
     context = multiprocessing.get_context("spawn")
     queue = context.SimpleQueue()
-    pool = ProcessPoolExecutor(max(1, min(jobs, len(missing))), context, _begin, (queue, os.getpid()))
+    pool: Executor = (
+        _ranks() if mpi
+        else ProcessPoolExecutor(max(1, min(jobs, len(missing))), context, _begin, (queue, os.getpid()))
+    )  # fmt: skip
     with stopping(pool):
         pending = {
             pool.submit(_compute_and_keep, task, vehicle, folder.path, anew, compute or compute_task): task
@@ -259,16 +270,46 @@ def run_campaign(
     return failed
 
 
+def working_ranks() -> int:
+    """Return the number of the ranks of MPI that work; one more leads.
+
+    Raises
+    ------
+    ValueError
+        If this process does not lead any.
+    """
+    how = "start it as: mpiexec -n 4 python -m mpi4py.futures -m exumob learn ... --mpi (one rank leads, three work)"
+    try:
+        from mpi4py import MPI
+    except (ImportError, RuntimeError) as error:
+        raise ValueError(f"--mpi needs mpi4py ({error}); pip install 'exumob[mpi]', and {how}.") from None
+    ranks = int(MPI.COMM_WORLD.Get_size())
+    if ranks < 2:
+        raise ValueError(f"--mpi: this process has no ranks of MPI beside it; {how}.")
+    return ranks - 1
+
+
+def _ranks() -> Executor:
+    from mpi4py.futures import MPIPoolExecutor
+
+    working_ranks()
+    return cast("Executor", MPIPoolExecutor(initializer=_quieten))
+
+
 _queue: Any = None
-"""What takes the progress, in a process of the pool."""
+"""What takes the progress, in a process of the pool; None in a rank of MPI."""
 
 
 def _begin(queue: Any, leader: int) -> None:
     """Begin a process of the pool: it ends with its leader, even if that is killed."""
     global _queue
     _queue = queue
-    logging.getLogger("exumob").setLevel(logging.ERROR)  # the plan has said what the cells lose
+    _quieten()
     end_with_parent(leader)
+
+
+def _quieten() -> None:
+    logging.getLogger("exumob").setLevel(logging.ERROR)  # the plan has said what the cells lose
 
 
 def _compute_and_keep(task: Task, vehicle: Vehicle, folder: Path, anew: bool, compute: Callable[..., Any]) -> None:
@@ -279,7 +320,8 @@ def _compute_and_keep(task: Task, vehicle: Vehicle, folder: Path, anew: bool, co
         nonlocal told
         if time >= told + TOLD:
             told = time
-            _queue.put(RunProgress(task.name, time))
+            if _queue is not None:
+                _queue.put(RunProgress(task.name, time))
 
     try:
         run = compute(task, vehicle, checkpoint, progress)

@@ -163,8 +163,8 @@ def _load_text(c: CardContents) -> str:
     runs = ", ".join(f"{name} {float(v):.2f}" for name, v in zip(c.compared, c.errors["by_run"].values, strict=True))
     text = (
         "Root mean square error over the standard deviation of the flow's loads in all runs kept apart; below 1 a "
-        "model knows more than the mean. Deviations of less than a thousandth of the weight count as that much (a moment: "
-        "times half the wheelbase). In brackets: the published coefficients alone. Two repetitions of one flow "
+        "model knows more than the mean. Deviations of less than a thousandth of the weight (a moment: times half the "
+        "wheelbase) count as that much. In brackets: the published coefficients alone. Two repetitions of one flow "
         f"differ by about 0.2. By run (mean): {runs}."
     )
     return f"<p>{html.escape(text)}</p>"

@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -59,12 +59,12 @@ def lives(pid: int) -> bool:
 
 
 @contextmanager
-def stopping(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
-    """Give a pool that begins nothing more when its leader is stopped, and whose processes end then."""
+def stopping(pool: Executor) -> Iterator[Executor]:
+    """Give a pool that begins nothing more when its leader is stopped, and whose processes, if it has any, end then."""
     try:
         yield pool
     except BaseException:
-        processes = list((pool._processes or {}).values())  # the pool forgets them when it shuts down
+        processes = list((getattr(pool, "_processes", None) or {}).values())  # the pool forgets them when it shuts down
         pool.shutdown(wait=False, cancel_futures=True)
         for process in processes:
             process.terminate()

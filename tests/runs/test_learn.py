@@ -2,7 +2,12 @@
 
 import base64
 import multiprocessing
+import os
 import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +26,25 @@ pytest.importorskip("torch")
 from exumob.learning.learn import CARD, learn_from
 
 CAR = amphibious_vehicle()
+MPIEXEC = shutil.which("mpiexec", path=Path(sys.executable).parent) or shutil.which("mpiexec")
+"""Of the environment's own MPI, if it has one."""
+OPEN_MPI = {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_rmaps_base_oversubscribe": "1"
+}  # fmt: skip
+RANKS = """
+from pathlib import Path
+from made_up_learning import ENVELOPE, quick
+from exumob.learning.campaign import LearningFolder, run_campaign, working_ranks
+from exumob.learning.plan import LearningRange, make_plan
+from vehicle_models.amphibious import amphibious_vehicle
+
+if __name__ == "__main__":
+    car = amphibious_vehicle()
+    wanted = LearningRange(depth=(0.45, 0.65), current=(0.0, 1.0))
+    plan = make_plan(car, wanted, 0.012, 0.06, ENVELOPE, run_time=0.4)
+    failed = run_campaign(plan.tasks, car, LearningFolder(Path({folder!r})), mpi=True, compute=quick)
+    print(*failed, "made by", working_ranks())
+"""
 WANTED = LearningRange(depth=(0.45, 0.65), current=(0.0, 1.0))  # wet hulls, which larger loads do not float off
 
 
@@ -67,6 +91,27 @@ def test_a_campaign_that_is_stopped_ends_its_processes(short, tmp_path):
     for process in begun:
         process.join(20.0)
         assert not process.is_alive()
+
+
+@pytest.mark.skipif(MPIEXEC is None, reason="no MPI")
+def test_runs_are_made_on_ranks_of_mpi(short, tmp_path):
+    """One leads, two work; without ranks it is said how to start them."""
+    pytest.importorskip("mpi4py")
+    here = Path(__file__).parents[1]
+    script = tmp_path / "script.py"
+    script.write_text(RANKS.format(folder=str(tmp_path / "out")))
+    paths = os.pathsep.join([str(here), str(here.parent), os.environ.get("PYTHONPATH", "")])
+    command = [MPIEXEC, "-n", "3", sys.executable, "-m", "mpi4py.futures", str(script)]
+    answer = subprocess.run(
+        command, env=os.environ | OPEN_MPI | {"PYTHONPATH": paths}, capture_output=True, text=True, check=False,
+        timeout=300,
+    )  # fmt: skip
+    assert answer.returncode == 0, answer.stderr
+    broken = [task.name for task in short.tasks if "003" in task.name]
+    assert answer.stdout.split() == [*broken, "made", "by", "2"]
+    assert {f.stem for f in (tmp_path / "out" / "runs").glob("*.nc")} == {t.name for t in short.tasks} - set(broken)
+    with pytest.raises(ValueError, match=r"mpiexec -n 4 python -m mpi4py\.futures"):
+        run_campaign(short.tasks, CAR, LearningFolder(tmp_path / "alone"), mpi=True, compute=quick)
 
 
 def test_networks_learn_and_the_card_says_what_they_are_worth(tmp_path):

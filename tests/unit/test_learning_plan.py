@@ -14,7 +14,14 @@ from exumob.learning import campaign
 from exumob.learning.campaign import LearningFolder, captive_histories
 from exumob.learning.dataset import check_run
 from exumob.learning.plan import (
-    APART, LISTED, USUAL_BUDGET, CaptiveTask, FreeTask, LearningRange, make_plan, maneuver_name,
+    APART,
+    LISTED,
+    USUAL_BUDGET,
+    CaptiveTask,
+    FreeTask,
+    LearningRange,
+    make_plan,
+    maneuver_name,
 )
 from exumob.simulation.result_files import save_dataset
 from vehicle_models.amphibious import amphibious_vehicle
