@@ -99,7 +99,7 @@ class Envelope(Declared):
             low, high = getattr(self, name)
             if low > high:
                 raise ValueError(
-                    f"Envelope.{name} = ({low:g}, {high:g}): the first is to be the smaller one; change them over."
+                    f"Envelope.{name} = ({low:g}, {high:g}): the first is above the second; give the smaller one first."
                 )
         if self.rates is not None and len(self.rates) != len(CHANNELS):
             raise ValueError(
