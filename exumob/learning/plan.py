@@ -91,7 +91,8 @@ class LearningRange(Declared):
             low, high = getattr(self, name)
             if low > high:
                 raise ValueError(
-                    f"LearningRange.{name} = ({low:g}, {high:g}): the first is above the second; give the smaller one first."
+                    f"LearningRange.{name} = ({low:g}, {high:g}): the first is above the second; give the smaller one "
+                    "first."
                 )
 
     def depths(self, vehicle: Vehicle) -> tuple[float, float]:
