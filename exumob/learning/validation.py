@@ -18,6 +18,7 @@ from exumob.learning.plan import FreeTask, LearningPlan, maneuver_name
 from exumob.paper.reference_runs import SOIL
 from exumob.simulation.run import simulate
 from exumob.simulation.summary import range_shares
+from exumob.simulation.trust import card_parameters
 from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.support.errors import SimulationError
@@ -133,6 +134,8 @@ class Drive:
     depth_ratio: float
     current: float
     """[m/s]"""
+    duration: float
+    """[s]"""
     networks: dict[str, float] | None
     """Measures of `exumob.learning.evaluation.closed_loop`; None: it broke down"""
     coefficients: dict[str, float] | None
@@ -185,7 +188,7 @@ def _drive(members: Sequence[NetworkSet], task: FreeTask, vehicle: Vehicle, refe
             shares = range_shares(run)
     return Drive(
         task.name, maneuver_name(task.maneuver), task.water.uniform_depth / vehicle.wheel.diameter,
-        task.water.current_speed, measures["networks"], measures["coefficients"],
+        task.water.current_speed, task.duration, measures["networks"], measures["coefficients"],
         shares.get("out_of_range_share", math.nan), shares.get("fallback_share", math.nan), paths,
     )  # fmt: skip
 
@@ -242,13 +245,14 @@ def card_figures(
         {
             "name": one.name, "maneuver": one.maneuver, "end": one.networks["final"] / 100.0,
             "coefficients_end": one.coefficients["final"] / 100.0 if one.coefficients else None,
-            "depth_ratio": one.depth_ratio, "current_speed": one.current, "outside": one.outside,
-            "fallback": one.fallback,
+            "depth_ratio": one.depth_ratio, "current_speed": one.current, "duration": one.duration,
+            "outside": one.outside, "fallback": one.fallback,
         }
         for one in drives if one.networks is not None
     ]  # fmt: skip
     return {
-        "vehicle": plan.vehicle.name, "members": len(members), "cell_size": plan.cell_size,
+        "vehicle": plan.vehicle.name, "parameters": card_parameters(plan.vehicle), "members": len(members),
+        "cell_size": plan.cell_size,
         "runs": len(apart), "seconds": float(sum(float(run["time"][-1]) for run in taught.values())),
         "load_error": float(errors["networks"].mean()), "coefficients_load_error": float(errors["coefficients"].mean()),
         "worst_load": f"{str(body).replace('_', ' ')} {component} {float(worst.max()):.2f}",

@@ -168,6 +168,14 @@ def shape_differences(vehicle: Vehicle, trained: Mapping[str, Any]) -> list[str]
     return found
 
 
+def card_parameters(vehicle: Vehicle) -> dict[str, Any]:
+    """Return a vehicle's parameters by name, as a report card holds them: another vehicle is beyond the card.
+
+    Name and mesh are left out: networks refuse another shape by themselves.
+    """
+    return {name: value for name, value in _plain(vehicle).items() if name not in ("name", "hull.mesh")}
+
+
 # -- comparison --------------------------------------------------------------------------------------------------------
 
 _Case = tuple[RunDescription, float | None, float | None, WaterMet | None]
@@ -292,11 +300,15 @@ def _learnt(card: Mapping[str, Any], soil: str) -> Trust:
         if ends
         else "no drive was compared with the flow in the loop"
     )
+    inside = (
+        f"{100.0 * card['inside']:.0f} % of them within two deviations of the ensemble"
+        if card["members"] > 1
+        else "without error bars, as one seed has none"
+    )
     error = (
         f"{drives}; on {card['runs']} runs kept apart the loads were off by {card['load_error']:.2g} of their "
-        f"deviation (worst {card['worst_load']}), {100.0 * card['inside']:.0f} % of them within two deviations of the "
-        f"ensemble ({card['vehicle']}, learnt from {card['seconds']:.0f} s of flow on cells of "
-        f"{1e3 * card['cell_size']:.3g} mm, whose own error comes on top)."
+        f"deviation (worst {card['worst_load']}), {inside} ({card['vehicle']}, learnt from {card['seconds']:.0f} s of "
+        f"flow on cells of {1e3 * card['cell_size']:.3g} mm, whose own error comes on top)."
     )
     if not ends:
         return Trust("networks", "not validated", error, soil, advice="their drives were never compared. Where known,")
@@ -338,6 +350,7 @@ def _card_departures(
         yield Departure("soil", (run.soil.name or "of your own",), card["soil"])
     if not run.terrain.is_flat:
         yield Departure("terrain", ("not flat",), "flat")
+    yield from _vehicle_departures(run.vehicle, card["parameters"])
     kinds = sorted({str(one.get("maneuver", "")) for one in card["drives"]})
     maneuver = run.maneuver
     kind = "lane change" if isinstance(maneuver, LaneChange) else type(maneuver).__name__
@@ -345,6 +358,11 @@ def _card_departures(
         kind = "straight" if maneuver.angle == 0.0 else "circle"
     if kind not in kinds:
         yield Departure("maneuver", (kind,), ", ".join(kinds))
+    longest = max(float(one["duration"]) for one in card["drives"])
+    if run.steps.duration > longest * (1.0 + CLOSE):
+        yield Departure("duration", (run.steps.duration,), f"{longest:g}", "s")
+    if abs(run.initial_speed) > 1e-6:
+        yield Departure("initial speed", (run.initial_speed,), "0", "m/s")
     if run.forces:
         yield Departure("forces of your own", (f"{len(run.forces)}",), "none")
     micro_step, macro_step = setting_named(DEFAULT_SETTING).steps(flow_in_loop=False)
@@ -353,9 +371,9 @@ def _card_departures(
     if isinstance(model, SurrogateHydrodynamics) and not model.fallback:
         yield Departure("outside their range", ("networks alone",), "the coefficient model takes over")
     outside = [one["outside"] for one in card["drives"] if isinstance(one.get("outside"), int | float)]
-    longest = max(outside, default=0.0)
-    if out_of_range is not None and out_of_range > longest + 0.005:
-        yield Departure(_RANGE, (100.0 * out_of_range,), f"{100.0 * longest:.2g}", "% of the time")
+    most_outside = max(outside, default=0.0)
+    if out_of_range is not None and out_of_range > most_outside + 0.005:
+        yield Departure(_RANGE, (100.0 * out_of_range,), f"{100.0 * most_outside:.2g}", "% of the time")
 
 
 def _departures(

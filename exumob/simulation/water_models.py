@@ -9,7 +9,6 @@ from pathlib import Path
 
 from exumob.simulation.trust import coefficients_off, measured_vehicle, shape_differences
 from exumob.support.declared import checked
-from exumob.surrogates.ensemble import load_members
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
 from exumob.vehicle.parameters import Vehicle
@@ -71,8 +70,7 @@ def hydrodynamics_named(
         return NoWater()
     if name == "coefficients":
         return CoefficientHydrodynamics(coefficients)
-    members = [m for n in networks or () for m in ([n] if isinstance(n, NetworkSet) else load_members(n))]
-    model = SurrogateHydrodynamics(members or None)
+    model = SurrogateHydrodynamics(list(networks) if networks else None)
     if networks:
         for network in model.networks:
             network.check_vehicle(vehicle)

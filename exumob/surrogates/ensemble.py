@@ -116,6 +116,9 @@ def _whole(card: dict[str, Any]) -> bool:
         all(number(card.get(name)) for name in NUMBERS)
         and all(isinstance(pair, list) and len(pair) == 2 and all(map(number, pair)) for pair in pairs)
         and isinstance(card.get("drives"), list)
-        and all(isinstance(one, dict) and number(one.get("end")) for one in card["drives"])
+        and all(
+            isinstance(one, dict) and number(one.get("end")) and number(one.get("duration")) for one in card["drives"]
+        )
+        and isinstance(card.get("parameters"), dict)
         and all(isinstance(card.get(name), str) for name in ("directions", "soil", "vehicle", "worst_load"))
     )

@@ -21,6 +21,7 @@ from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
 from exumob.support.kernels import njit
+from exumob.surrogates.ensemble import load_members
 from exumob.surrogates.inputs import SAMPLING, bed_below, network_inputs, window_rows
 from exumob.surrogates.network_kernels import mean_and_spread
 from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, NetworkSet
@@ -52,7 +53,8 @@ class SurrogateHydrodynamics:
     Parameters
     ----------
     networks : NetworkSet, path, or a sequence of them, optional
-        Members of an ensemble, or their files. Default: those that come with exumob (`shipped_networks`).
+        Members of an ensemble, or files of one or several (`exumob.surrogates.ensemble`). Default: those that come with
+        exumob (`shipped_networks`).
     fallback : bool
         True: the coefficient model takes over outside the networks' range. False: the networks alone act.
 
@@ -72,7 +74,7 @@ class SurrogateHydrodynamics:
         given = shipped_networks() if networks is None else networks
         if isinstance(given, NetworkSet | str | Path):
             given = [given]
-        self.networks = [n if isinstance(n, NetworkSet) else NetworkSet.load(n) for n in given]
+        self.networks = [m for n in given for m in ([n] if isinstance(n, NetworkSet) else load_members(n))]
         if not self.networks:
             raise ValueError("SurrogateHydrodynamics.networks is empty; give files that `exumob train` wrote.")
         self.fallback = fallback

@@ -162,6 +162,11 @@ class NetworkSet:
         """
         path = Path(file)
         header, arrays = read_arrays(path, "a file of networks", "`exumob train` makes them.")
+        if isinstance(several := header.get("members"), list):
+            raise ValueError(
+                f"{path} holds {len(several)} sets of networks (`exumob learn`), and a file of one is wanted; give one "
+                "out of the folder networks beside it."
+            )
         if header.get("format") != FORMAT:
             raise ValueError(f"{path} holds arrays, but not exumob's networks; `exumob train` makes them.")
         if header.get("version") != VERSION:

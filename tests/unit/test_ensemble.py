@@ -12,7 +12,7 @@ from exumob.driving.maneuver import ConstantSteer, Recorded, lane_change, smooth
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.simulation.description import RunDescription, Steps
-from exumob.simulation.trust import trust_of
+from exumob.simulation.trust import card_parameters, trust_of
 from exumob.simulation.water_models import hydrodynamics_named
 from exumob.surrogates.ensemble import card_of, load_members, save_ensemble
 from exumob.surrogates.model import SurrogateHydrodynamics
@@ -25,12 +25,13 @@ MEMBERS = [made_up(SMALL, CAR, seed) for seed in range(3)]
 TIMES = np.linspace(0.0, 1.0, 9)
 RECORDED = Recorded(TIMES, 0.0 * TIMES, [smooth_step(x)[0] for x in TIMES])
 CARD = {
-    "vehicle": "amphibious", "members": 3, "cell_size": 0.02, "runs": 4, "seconds": 90.0, "load_error": 0.31,
+    "vehicle": "amphibious", "parameters": card_parameters(CAR), "members": 3,
+    "cell_size": 0.02, "runs": 4, "seconds": 90.0, "load_error": 0.31,
     "coefficients_load_error": 0.9, "worst_load": "hull Fz 0.71", "inside": 0.62, "depth_ratio": [0.2, 0.9],
     "current_speed": [0.0, 1.5], "directions": "along", "soil": "LETE sand", "lost": [], "drives_failed": 0,
     "drives": [
-        {"name": "a", "maneuver": "lane change", "end": 0.012, "outside": 0.1, "fallback": 0.01},
-        {"name": "b", "maneuver": "straight", "end": -0.034, "outside": 0.0, "fallback": 0.0},
+        {"name": "a", "maneuver": "lane change", "duration": 8.0, "end": 0.012, "outside": 0.1, "fallback": 0.01},
+        {"name": "b", "maneuver": "straight", "duration": 4.0, "end": -0.034, "outside": 0.0, "fallback": 0.0},
     ],
 }  # fmt: skip
 
@@ -63,6 +64,8 @@ def with_card(member, card):
         lambda m: [m[0], m[1], MEMBERS[2]],  # one without a card
         lambda m: [with_card(x, CARD | {"load_error": math.nan}) for x in m],
         lambda m: [with_card(x, CARD | {"drives": "none"}) for x in m],
+        lambda m: [with_card(x, {k: v for k, v in CARD.items() if k != "parameters"}) for x in m],
+        lambda m: [with_card(x, CARD | {"drives": [{"end": 0.1}]}) for x in m],
         lambda m: [with_card(x, "good") for x in m],
         lambda m: [],
     ],
@@ -94,6 +97,9 @@ def test_a_drive_takes_the_file(file):
     assert len(model.networks) == 3
     more = hydrodynamics_named("networks", CAR, Water(0.12), networks=[file, MEMBERS[0]])
     assert len(more.networks) == 4 and isinstance(more.networks[3], NetworkSet)
+    assert len(SurrogateHydrodynamics(file).networks) == 3
+    with pytest.raises(ValueError, match=r"networks\.safetensors holds 3 sets of networks .* a file of one is wanted"):
+        NetworkSet.load(file)
 
 
 # -- line of trust -----------------------------------------------------------------------------------------------------
@@ -127,12 +133,26 @@ def test_the_line_of_trust_quotes_the_card(run):
         ({"maneuver": ConstantSteer(0.2)}, "maneuver", "lane change, straight"),
         ({"maneuver": RECORDED}, "maneuver", "lane change, straight"),
         ({"steps": Steps(8.0, 1e-3, 40e-3, 1e-2)}, "macro step", "20"),
+        ({"steps": Steps(20.0, 1e-3, 20e-3, 1e-2)}, "duration", "8"),
+        ({"initial_speed": 0.5}, "initial speed", "0"),
+        ({"vehicle": replace(CAR, hull=replace(CAR.hull, mass=90.0))}, "hull.mass", "49"),
+        ({"vehicle": replace(CAR, suspension=replace(CAR.suspension, damping=60.0))}, "suspension.damping", "139"),
     ],
 )  # fmt: skip
 def test_what_is_beyond_the_card_is_said(run, change, quantity, measured):
     found = trust_of(replace(run, **change), 0.05, 0.0)
     assert found.status == "beyond"
     assert measured in {d.quantity: d.measured for d in found.departures}[quantity]
+
+
+def test_another_name_is_no_other_vehicle(run):
+    assert trust_of(replace(run, vehicle=replace(CAR, name="another")), 0.0, 0.0).status == "measured"
+
+
+def test_one_seed_has_no_error_bars(run, tmp_path):
+    one = save_ensemble(MEMBERS[:1], tmp_path / "one.safetensors", CARD | {"members": 1, "inside": 0.0})
+    line = trust_of(replace(run, hydrodynamics=SurrogateHydrodynamics(one)), 0.0, 0.0).line
+    assert "without error bars, as one seed has none" in line and "two deviations" not in line
 
 
 def test_water_from_behind_is_within_along(run):
