@@ -104,3 +104,10 @@ def histories_with(run, loads):
     for name in ("water_wrench", "water_wrench_smooth"):
         run[name] = run[name].copy(data=loads.astype(np.float32))
     return run
+
+
+def of_another_version(task, vehicle, checkpoint, progress):
+    """A checkpoint that another version of the program has left is refused, as those of flow runs are."""
+    if checkpoint.exists():
+        raise ValueError(f"checkpoint {checkpoint} belongs to another run: program differs. Move it away.")
+    return quick(task, vehicle, checkpoint, progress)

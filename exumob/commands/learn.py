@@ -124,13 +124,13 @@ def learn_command(  # one argument an option of the command line
             console.print(line, soft_wrap=True)
         if folder is None:
             return
-        folder.load(mixed)
+        folder.load(mixed, car)
     except (ValueError, OSError) as error:
         fail(error)
     except ImportError as error:
         fail(ImportError(f"{error}; training needs torch: pip install 'exumob[train]'"))
     try:
-        failed = _make_runs(made, folder, jobs, mpi, mixed)
+        failed = _make_runs(made, folder, jobs, mpi)
         _train(made, folder, jobs, mixed, failed)
     except (ValueError, RuntimeError, OSError) as error:
         fail(error)
@@ -168,7 +168,7 @@ def _envelope(car: Vehicle, wanted: LearningRange, folder: Path) -> Envelope:
         return stored_envelope(car, wanted, folder, lambda done, of: bar.update(task, completed=done, total=of))
 
 
-def _make_runs(made: LearningPlan, folder: LearningFolder, jobs: int, mpi: bool, mixed: bool) -> dict[str, str]:
+def _make_runs(made: LearningPlan, folder: LearningFolder, jobs: int, mpi: bool) -> dict[str, str]:
     """Make the runs that are missing; say what broke down."""
     from exumob.learning.campaign import run_campaign
 
@@ -187,7 +187,7 @@ def _make_runs(made: LearningPlan, folder: LearningFolder, jobs: int, mpi: bool,
             if step.done:
                 console.print(f"{step.name}: {step.error or 'finished'}", soft_wrap=True)
 
-        return run_campaign(missing, made.vehicle, folder, jobs=jobs, mpi=mpi, anew=mixed, progress=progress)
+        return run_campaign(missing, made.vehicle, folder, jobs=jobs, mpi=mpi, progress=progress)
 
 
 def _train(

@@ -26,7 +26,7 @@ from exumob.coupling.flow_in_loop import CfdHydrodynamics
 from exumob.coupling.macro_step import FollowFlow
 from exumob.flow.revision import solver_revision
 from exumob.ground.soil import Soil
-from exumob.learning.dataset import SAMPLING, check_run, histories, pack
+from exumob.learning.dataset import SAMPLING, check_geometry, check_run, histories, pack
 from exumob.learning.plan import LONGEST_MACRO_STEP, MICRO_STEP, CaptiveTask, Task
 from exumob.paper.reference_runs import SOIL
 from exumob.simulation.result_files import load_dataset, save_dataset
@@ -107,6 +107,8 @@ class LearningFolder:
     def claim(self, vehicle: Vehicle, cell_size: float) -> None:
         """Take the folder for a vehicle and a size of the cells, or refuse it if it is another's.
 
+        As long as it holds neither runs nor checkpoints it is nobody's: a plan that was refused binds to nothing.
+
         Raises
         ------
         ValueError
@@ -117,7 +119,7 @@ class LearningFolder:
             "cell_size": float(cell_size),
         }  # fmt: skip
         found = self.about()
-        if found:
+        if found and (any(self.runs.glob("*.nc")) or any(self.work.glob("*.npz"))):
             differing = _differences(found.get("vehicle"), mine["vehicle"])
             if found.get("hull") != mine["hull"]:
                 differing.append("the contents of Hull.mesh")
@@ -143,24 +145,36 @@ class LearningFolder:
         """Return the tasks whose runs are not there yet."""
         return [task for task in tasks if not (self.runs / f"{task.name}.nc").exists()]
 
-    def load(self, mixed: bool = False) -> dict[str, xr.Dataset]:
+    def load(self, mixed: bool = False, vehicle: Vehicle | None = None) -> dict[str, xr.Dataset]:
         """Load all runs by name, with those that others have put there.
 
         Parameters
         ----------
+        vehicle : Vehicle, optional
+            That of the runs, which is checked then.
         mixed : bool
             Take runs of several versions of the flow solver.
 
         Raises
         ------
         ValueError
-            If a file is no run to learn from, or runs were made with several versions of the flow solver.
+            If a file is no run to learn from, or runs are of another vehicle or other cells, or were made with several
+            versions of the flow solver.
         """
         found: dict[str, xr.Dataset] = {}
         for file in sorted(self.runs.glob("*.nc")):
             run = load_dataset(file)
             check_run(run, str(file))
             found[file.stem] = run
+        if vehicle is not None:
+            check_geometry(found, vehicle)
+        size = self.about().get("cell_size")
+        for name, run in found.items():
+            if size is not None and float(run.attrs.get("cell_size", size)) != size:
+                raise ValueError(
+                    f"{self.runs / name}.nc was made on cells of {run.attrs['cell_size']:g} m, and this folder is of "
+                    f"runs on {size:g} m; runs on different cells differ by more than networks. Move it away."
+                )
         versions = {
             name: str(run.attrs["flow_revision"]) for name, run in found.items() if "flow_revision" in run.attrs
         }
@@ -202,7 +216,7 @@ class RunProgress:
 
 def run_campaign(  # each argument is a choice of its own
     tasks: Sequence[Task], vehicle: Vehicle, folder: LearningFolder, *, jobs: int = 1, mpi: bool = False,
-    anew: bool = False, progress: Callable[[RunProgress], None] | None = None,
+    progress: Callable[[RunProgress], None] | None = None,
     compute: Callable[[Task, Vehicle, Path, Callable[[float], None]], xr.Dataset] | None = None,
 ) -> dict[str, str]:  # fmt: skip
     """Make the runs that are missing, side by side, each in a process of its own with one thread.
@@ -217,8 +231,6 @@ def run_campaign(  # each argument is a choice of its own
     mpi : bool
         Use the ranks of ``mpiexec -n 4 python -m mpi4py.futures script.py`` (one leads, the others work); they see the
         same folder. Progress is then reported when a run ends.
-    anew : bool
-        Begin runs anew whose checkpoints are of another version; else they are errors.
     progress : callable, optional
         Called as runs go on.
     compute : callable, optional
@@ -247,7 +259,7 @@ def run_campaign(  # each argument is a choice of its own
     )  # fmt: skip
     with stopping(pool):
         pending = {
-            pool.submit(_compute_and_keep, task, vehicle, folder.path, anew, compute or compute_task): task
+            pool.submit(_compute_and_keep, task, vehicle, folder.path, compute or compute_task): task
             for task in missing
         }
         left = set(pending)
@@ -312,7 +324,7 @@ def _quieten() -> None:
     logging.getLogger("exumob").setLevel(logging.ERROR)  # the plan has said what the cells lose
 
 
-def _compute_and_keep(task: Task, vehicle: Vehicle, folder: Path, anew: bool, compute: Callable[..., Any]) -> None:
+def _compute_and_keep(task: Task, vehicle: Vehicle, folder: Path, compute: Callable[..., Any]) -> None:
     told = -np.inf
     checkpoint = folder / "work" / f"{task.name}.npz"
 
@@ -326,8 +338,10 @@ def _compute_and_keep(task: Task, vehicle: Vehicle, folder: Path, anew: bool, co
     try:
         run = compute(task, vehicle, checkpoint, progress)
     except ValueError as error:
-        if not (anew and "belongs to another run" in str(error)):
+        if "belongs to another run" not in str(error):
             raise
+        # The file's name says that it is of this run: another version of the program wrote it, or the vehicle had
+        # another name. It cannot be gone on from.
         checkpoint.unlink()
         run = compute(task, vehicle, checkpoint, progress)
     save_dataset(run, folder / "runs" / f"{task.name}.nc", elsewhere=False)

@@ -24,12 +24,13 @@ from exumob.support.arrays import Array
 from exumob.support.dimensions import with_described_names
 from exumob.support.quantities import unusual
 from exumob.support.smoothing import WINDOW, smoothed, window_samples
-from exumob.surrogates.networks import Architecture
+from exumob.surrogates.networks import Architecture, geometry
 from exumob.vehicle.motion import BODIES, HISTORY_STEP, WHEELS, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.flow_states import FLOW_STATES, flow_states
+from exumob.water.mesh_file import mesh_digest
 
 SAMPLING = HISTORY_STEP
 """Interval between the samples of a packed run [s]."""
@@ -239,6 +240,31 @@ def check_run(run: xr.Dataset, name: str) -> None:
         raise ValueError(f"{name}: quaternions have norms of {norm.min():.3g} to {norm.max():.3g}; they must be 1.")
     check_motion(time, run["position"].values, name)
     check_loads(body_states(run), run["water_wrench"].values, water_of(run), name)
+
+
+def check_geometry(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> None:
+    """Raise ValueError if a run that exumob has made was made with a vehicle of another geometry."""
+    wanted = geometry(vehicle)
+    for name, run in runs.items():
+        stored = json.loads(run.attrs["parameters"]).get("vehicle")
+        if stored is None:
+            continue
+        car = next(iter(stored.values()))
+        for field, value in wanted.items():
+            found: Any = car
+            for part in field.split("."):
+                found = found[part]
+            if isinstance(value, float) and not np.isclose(found, value, rtol=1e-3):
+                raise ValueError(
+                    f"{name}: this run was made with a vehicle whose {field} is {found}; that of {vehicle.name} is "
+                    f"{value}. Networks learn from runs of their own vehicle: leave out what was not made with "
+                    f"{vehicle.name}, or give the vehicle of these runs (--vehicle)."
+                )
+        if run.attrs.get("hull_mesh_sha256", "") != mesh_digest(vehicle.hull):
+            raise ValueError(
+                f"{name} was made with another Hull.mesh, or another content of that file, than {vehicle.name} has; "
+                "give the vehicle and the mesh file of the runs."
+            )
 
 
 def check_motion(time: Array, position: Array, name: str) -> None:

@@ -21,7 +21,7 @@ import xarray as xr
 
 from exumob.driving.maneuver import ConstantSteer, LaneChange, Maneuver, Recorded, smooth_step
 from exumob.ground.soil import Soil
-from exumob.learning.plan import LearningRange
+from exumob.learning.plan import LearningRange, nameless
 from exumob.simulation.run import simulate
 from exumob.simulation.settings import time_scale, usual_speed
 from exumob.support.arrays import Array
@@ -207,5 +207,5 @@ def keep_envelope(envelope: Envelope, vehicle: Vehicle, wanted: LearningRange, f
 
 
 def envelope_key(vehicle: Vehicle, wanted: LearningRange) -> str:
-    """Return a short hash of all that an envelope is made from, but for the program."""
-    return digest(parameters_json({"vehicle": vehicle, "range": wanted}) + mesh_digest(vehicle.hull))
+    """Return a short hash of all that an envelope is made from, but for the program and the vehicle's name."""
+    return digest(parameters_json({"vehicle": nameless(vehicle), "range": wanted}) + mesh_digest(vehicle.hull))

@@ -61,7 +61,7 @@ def learn_from(  # each argument is a choice of its own
     ValueError
         If there are too few runs, or they are of another vehicle.
     """
-    runs = folder.load(mixed)
+    runs = folder.load(mixed, plan.vehicle)
     taught = {name: run for name, run in runs.items() if run.attrs.get("role") != "apart"}
     apart = {name: run for name, run in runs.items() if name not in taught}
     if len(taught) < LEAST_TAUGHT or not apart:

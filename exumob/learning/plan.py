@@ -59,6 +59,8 @@ INTERVALS = (10e-3, 5e-3, 4e-3, 2.5e-3, 2e-3, 1.5e-3, 1.25e-3, 1e-3)
 """Intervals of the loads of captive runs [s]: the longest one that the flow goes through in one step is taken."""
 MICRO_STEP, LONGEST_MACRO_STEP = 5e-4, 4e-3
 """Steps of the free runs [s]; the macro steps follow the flow."""
+TOO_FAST = 3.0
+"""Highest frequency in captive runs over that of the drives above which a plan says so [-]."""
 ADVANCES = 1.1
 """How often the flow goes through a macro step, on average [-]."""
 SPIN_UP = 2.0
@@ -204,6 +206,11 @@ class LearningPlan:
         free = [t for t in self.tasks if isinstance(t, FreeTask)]
         apart = sum(t.role == "apart" for t in captive)
         most = max(self.tasks, key=lambda task: task.cost.memory)
+        slower, fastest = captive[0].motion.highest_frequencies()
+        hurried = (
+            f"drives have up to {self.envelope.slow:.2g} and {self.envelope.fast:.2g} Hz: in runs as short as these, "
+            "loads are much those of added mass; longer ones have slower motions"
+        )
         shares = [f"{v[0]:.3g} to {v[1]:.3g} {unit}" for v, unit in (
             (self.envelope.speed, "m/s ahead"), (self.envelope.sway, "m/s sideways"),
             (self.envelope.yaw_rate, "rad/s"), (np.degrees(self.envelope.pitch), "deg pitch"),
@@ -214,7 +221,8 @@ class LearningPlan:
             f"range     depth {wanted.depth[0]:g} to {wanted.depth[1]:g} of the tyre's diameter ({low:.3g} to "
             f"{high:.3g} m); current {wanted.current[0]:g} to {wanted.current[1]:g} m/s of the paper's vehicle, by "
             f"Froude's law {slow:.3g} to {fast:.3g} m/s of this one, {_sides(wanted.directions)}",
-            f"motion    {', '.join(shares)}; up to {self.envelope.slow:.2g} and {self.envelope.fast:.2g} Hz",
+            f"motion    {', '.join(shares)}; up to {slower:.2g} and {fastest:.2g} Hz",
+            *([f"          {hurried}"] if fastest > TOO_FAST * self.envelope.fast else []),
             f"cells     {1e3 * self.cell_size:.3g} mm",
             *[f"          resolved: {text}" for text in self.resolved],
             *[f"          lost: {text}" for text in self.lost],
@@ -306,6 +314,11 @@ def make_plan(  # each argument is a choice of its own
         If the budget buys too few runs to learn from, with what it would buy and what would do; or the grid does not
         fit into memory.
     """
+    if run_time is not None and not _divides(INTERVALS[-1], run_time):
+        raise ValueError(
+            f"make_plan.run_time = {run_time:.9g} s must be a whole number of milliseconds; give "
+            f"{round(run_time, 3):g} s, say."
+        )
     usual = CAPTIVE_TIME * time_scale(vehicle)
     part = 1.0 if run_time is None else run_time / usual
     duration = max(round(10.0 * part * usual), 1) / 10.0 if run_time is None else run_time
@@ -424,7 +437,7 @@ def _captive(
         fitting = [step for step in INTERVALS if step <= longest and _divides(step, duration)]
         interval = fitting[0] if fitting else INTERVALS[-1]
         cost = costs.flow(water, speed, duration, interval)
-        name = _name("captive", number, [vehicle, water, motion, costs.cell_size, interval])
+        name = _name("captive", number, vehicle, [water, motion, costs.cell_size, interval])
         yield CaptiveTask(
             name, "apart" if number % APART == APART - 1 else "teach", water, motion, costs.cell_size, interval, cost
         )  # fmt: skip
@@ -459,11 +472,16 @@ def _free(vehicle: Vehicle, wanted: LearningRange, part: float, costs: _Costs) -
             seconds=held.seconds + ADVANCES * driven.seconds
             + REPEATED * driving_time(duration, MICRO_STEP, macro_step),
         )  # fmt: skip
-        name = _name("free", number, [vehicle, water, maneuver, costs.cell_size, duration])
+        name = _name("free", number, vehicle, [water, maneuver, costs.cell_size, duration])
         yield FreeTask(name, "apart", water, maneuver, duration, costs.cell_size, cost)
 
 
-def _name(kind: str, number: int, parts: list[object]) -> str:
+def nameless(vehicle: Vehicle) -> Vehicle:
+    """Return a vehicle without its own name: under another one it has the same runs."""
+    return replace(vehicle, name="vehicle")
+
+
+def _name(kind: str, number: int, vehicle: Vehicle, parts: list[object]) -> str:
     """Name of a run: its number, and a digest of all that it is made from."""
-    text = parameters_json({str(n): part for n, part in enumerate(parts)})
+    text = parameters_json({str(n): part for n, part in enumerate([nameless(vehicle), *parts])})
     return f"{kind}_{number:03d}_{hashlib.sha256(text.encode()).hexdigest()[:8]}"

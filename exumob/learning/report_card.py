@@ -77,7 +77,8 @@ def report_card(contents: CardContents) -> str:
         "<h2>Errors of the loads, on runs kept apart</h2>", _load_text(c), _load_table(c), _inlined(_draw_loads(c)),
         "<h2>Drives, beside the same with the flow in the loop</h2>", _drive_text(c), _drive_table(c),
         *([_inlined(_draw_paths(c))] if c.drives else []),
-        "<h2>Error bars</h2>", _calibration_text(c), _inlined(_draw_calibration(c)),
+        "<h2>Error bars</h2>", _calibration_text(c),
+        *([_inlined(_draw_calibration(c))] if c.figures["members"] > 1 else []),
         "<h2>What these networks do not know</h2>", _list(_unknown(c)),
         "<h2>How they were made</h2>", _run_table(c),
     ]  # fmt: skip
@@ -87,7 +88,7 @@ def report_card(contents: CardContents) -> str:
 def _made(c: CardContents) -> str:
     provenance = next(iter(c.taught.values())).attrs
     return (
-        f"{c.figures['members']} sets of networks, preset {c.plan.preset.name}; flow on cells of "
+        f"{_counted(c.figures['members'], 'set')} of networks, preset {c.plan.preset.name}; flow on cells of "
         f"{1e3 * c.plan.cell_size:.3g} mm, {c.figures['seconds']:.0f} s to learn from; all runs took {c.spent:.2g} h "
         f"on one core each ({c.plan.core_hours:.2g} h planned); exumob {provenance.get('exumob_version', '?')} "
         f"({provenance.get('git_revision', '?')}), {str(provenance.get('date', ''))[:10]}."
@@ -108,11 +109,20 @@ def _verdict(c: CardContents) -> str:
             f"Drives end {100.0 * float(np.mean(ends)):.3g} % of the path (at worst {100.0 * max(ends):.3g} %) from "
             f"those with the flow in the loop{alone}; the coefficient model gave {shares:.0f} % of the loads in them."
         )
+    bars = (
+        f"{100.0 * c.figures['inside']:.0f} % of the loads lie within two deviations of the ensemble (a trustworthy "
+        "error bar holds 95 %)."
+        if c.figures["members"] > 1
+        else "There are no error bars: these are networks of one seed."
+    )
     return (
         f"On runs that they have not seen the loads are off by {error:.2f} of their deviation, {better} the published "
-        f"coefficients alone ({base:.2f}). {drives} {100.0 * c.figures['inside']:.0f} % of the loads lie within two "
-        f"deviations of the ensemble (a trustworthy error bar holds 95 %). {shortfall(c.figures)}"
+        f"coefficients alone ({base:.2f}). {drives} {bars} {shortfall(c.figures)}"
     ).rstrip()
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _range_text(c: CardContents) -> str:

@@ -21,7 +21,7 @@ import torch
 import xarray as xr
 
 from exumob.learning.cost import announce_training
-from exumob.learning.dataset import check_run, water_of
+from exumob.learning.dataset import check_geometry, check_run, water_of
 from exumob.learning.examples import Examples, build_examples, validation_run
 from exumob.learning.fitting import fit_body
 from exumob.learning.presets import Preset
@@ -116,7 +116,7 @@ def train(
         )
     for name, run in runs.items():
         check_run(run, name)
-    _check_geometry(runs, vehicle)
+    check_geometry(runs, vehicle)
     require_folder_name("train.output", output)
     parts = output / "parts"
     try:
@@ -227,29 +227,3 @@ def _data_hash(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> str:
             if variable in runs[name]:
                 found.update(np.ascontiguousarray(runs[name][variable].values).tobytes())
     return found.hexdigest()[:16]
-
-
-def _check_geometry(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> None:
-    """Raise ValueError if a run that exumob has made was made with a vehicle of another geometry."""
-    wanted = geometry(vehicle)
-    for name, run in runs.items():
-        stored = json.loads(run.attrs["parameters"]).get("vehicle")
-        if stored is None:
-            continue
-        car = next(iter(stored.values()))
-        for field, value in wanted.items():
-            found: Any = car
-            for part in field.split("."):
-                found = found[part]
-            if isinstance(value, float) and not np.isclose(found, value, rtol=1e-3):
-                raise ValueError(
-                    f"{name}: this run was made with a vehicle whose {field} is {found}; that of {vehicle.name} is "
-                    f"{value}. "
-                    f"Networks learn from runs of their own vehicle: give runs made with {vehicle.name} (--data), or "
-                    "the vehicle of these runs (--vehicle)."
-                )
-        if run.attrs.get("hull_mesh_sha256", "") != mesh_digest(vehicle.hull):
-            raise ValueError(
-                f"{name} was made with another Hull.mesh, or another content of that file, than {vehicle.name} has; "
-                "give the vehicle and the mesh file of the runs."
-            )

@@ -180,6 +180,14 @@ class Excitation(Declared):
         """Return the signals of the channels, in the order of `CHANNELS`, each within -1 to 1."""
         return _signals(self.period, self.envelope.slow, self.envelope.fast, self.turn, self.seed)
 
+    def highest_frequencies(self) -> tuple[float, float]:
+        """Return the highest frequency of the slower channels, and that of the others [Hz].
+
+        They are above those of the envelope where the run is too short to give each channel its own sines within.
+        """
+        highest = [max(one.harmonics) / self.period for one in self.multisines()]
+        return max(highest[:SLOW]), max(highest[SLOW:])
+
     def values(self, time: Array) -> Array:
         """Return the channels as prescribed, whatever the ramp makes of them; shape (n,) -> (n, 9), SI units."""
         low, high = self.envelope.ranges.T

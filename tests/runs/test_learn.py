@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_up_learning import ENVELOPE, coefficient_flow, killed_once, quick, slow
+from made_up_learning import ENVELOPE, coefficient_flow, killed_once, of_another_version, quick, slow
 from typer.testing import CliRunner
 
 from exumob.__main__ import app
@@ -76,6 +76,13 @@ def test_a_killed_run_goes_on_from_its_checkpoint(short, tmp_path):
             break
         assert all("the same command goes on" in text for text in failed.values())
     assert 2 <= rounds <= 3 and not folder.unfinished(tasks)
+
+
+def test_a_checkpoint_of_another_version_is_begun_anew(short, tmp_path):
+    folder, tasks = LearningFolder(tmp_path), short.tasks[:1]
+    (folder.work / f"{tasks[0].name}.npz").write_text("of another version")
+    assert not run_campaign(tasks, CAR, folder, compute=of_another_version) and not folder.unfinished(tasks)
+    assert not list(folder.work.iterdir())
 
 
 def test_a_campaign_that_is_stopped_ends_its_processes(short, tmp_path):
@@ -156,7 +163,9 @@ def test_the_whole_with_the_flow(tmp_path, monkeypatch):
     assert "lost: the gap between keel and bed" in answer.output and "card" in answer.output
     runs = load_runs((tmp_path / "out" / "runs").glob("captive*.nc"))
     assert all(float(np.abs(run["water_wrench"].values[:, 0, 2]).max()) > 1.0 for run in runs.values())
-    assert (tmp_path / "out" / CARD).stat().st_size > 50_000
+    page = (tmp_path / "out" / CARD).read_text()
+    assert len(page) > 50_000
+    assert "networks of one seed" in page and "1 set of networks" in page and "within two deviations" not in page
     again = CliRunner().invoke(app, call, env={"COLUMNS": "200", "TERM": "dumb"})
     assert again.exit_code == 0 and re.search(r"(\d+) of \1 runs are there already", again.output)
     other = CliRunner().invoke(app, [*call, "--cell-size", "0.07"], env={"COLUMNS": "200", "TERM": "dumb"})

@@ -13,6 +13,7 @@ from made_up_learning import ENVELOPE, states_run
 from exumob.learning import campaign
 from exumob.learning.campaign import LearningFolder, captive_histories
 from exumob.learning.dataset import check_run
+from exumob.learning.envelope import envelope_key
 from exumob.learning.plan import (
     APART,
     LISTED,
@@ -24,6 +25,7 @@ from exumob.learning.plan import (
     maneuver_name,
 )
 from exumob.simulation.result_files import save_dataset
+from exumob.towing_tank.excitation import SLOW
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
 
@@ -152,6 +154,7 @@ def test_bad_ranges_are_refused(field, value, message):
 def test_a_folder_belongs_to_one_vehicle_and_one_size_of_cells(tmp_path):
     folder = LearningFolder(tmp_path)
     folder.claim(CAR, 0.04)
+    (folder.runs / "captive_000.nc").touch()
     folder.claim(replace(CAR, name="another name"), 0.04)
     heavier = replace(CAR, hull=replace(CAR.hull, mass=60.0))
     with pytest.raises(ValueError, match=r"runs of another vehicle: hull.mass was 49.0, is 60.0"):
@@ -182,6 +185,58 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(ValueError, match="cannot be made"):
         LearningFolder(tmp_path / "x")
+
+
+def test_a_folder_without_runs_binds_to_nothing(tmp_path):
+    """A budget that was too small made the folder; larger cells, as its message says, may have it."""
+    folder = LearningFolder(tmp_path)
+    folder.claim(CAR, 0.02)
+    folder.claim(CAR, 0.05)
+    folder.claim(light_4x4(), 0.06)
+    (folder.work / "captive_000.npz").touch()  # of a run that was begun
+    with pytest.raises(ValueError, match="runs of another vehicle"):
+        folder.claim(CAR, 0.06)
+
+
+def test_another_name_of_the_vehicle_keeps_its_runs(plan):
+    renamed = replace(CAR, name="another")
+    assert [task.name for task in make_plan(renamed, WANTED, 0.4, 0.045, ENVELOPE).tasks] == [
+        task.name for task in plan.tasks
+    ]
+    heavier = replace(CAR, hull=replace(CAR.hull, mass=60.0))
+    others = {task.name for task in make_plan(heavier, WANTED, 0.4, 0.045, ENVELOPE).tasks}
+    assert others.isdisjoint(task.name for task in plan.tasks)
+    assert envelope_key(renamed, WANTED) == envelope_key(CAR, WANTED) != envelope_key(heavier, WANTED)
+
+
+@pytest.mark.parametrize("run_time", [1.2345678, 0.3333, 0.0505])
+def test_runs_of_no_whole_milliseconds_are_refused_before_any_is_made(run_time):
+    with pytest.raises(ValueError, match=r"make_plan.run_time = .* s must be a whole number of milliseconds; give"):
+        make_plan(CAR, WANTED, 0.4, 0.06, ENVELOPE, run_time=run_time)
+
+
+def test_the_plan_says_how_fast_its_runs_move(plan, short):
+    """Short runs have no room for slow sines of their own for each channel."""
+    for made, hurried in ((plan, False), (short, True)):
+        motion = made.tasks[0].motion
+        slow, fast = (max(max(s.harmonics) / motion.period for s in some)
+                      for some in (motion.multisines()[:SLOW], motion.multisines()[SLOW:]))  # fmt: skip
+        text = "\n".join(made.lines(1))
+        assert f"up to {slow:.2g} and {fast:.2g} Hz" in text
+        assert ("drives have up to 0.5 and 2 Hz: in runs as short as these" in text) == hurried
+
+
+def test_runs_of_other_vehicles_and_other_cells_are_refused_before_any_is_made(short, tmp_path):
+    folder = LearningFolder(tmp_path)
+    folder.claim(CAR, 0.06)
+    run = states_run(short.tasks[0], CAR)
+    save_dataset(run, folder.runs / "own.nc")
+    assert set(folder.load(vehicle=CAR)) == {"own"}
+    with pytest.raises(ValueError, match=r"own: this run was made with a vehicle whose hull.length is 1.0"):
+        folder.load(vehicle=light_4x4())
+    save_dataset(run.assign_attrs(role="apart", cell_size=0.05), folder.runs / "coarse.nc")
+    with pytest.raises(ValueError, match=r"coarse\.nc was made on cells of 0.05 m, and this folder is of .* 0.06 m"):
+        folder.load(vehicle=CAR)
 
 
 def test_a_file_is_no_folder(tmp_path):
