@@ -9,9 +9,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from exumob.commands.driving import cells_of
-from exumob.commands.options import EXPERT, OUTPUT, RUN, WATER, VehicleFile, Workers, option, option_names
+from exumob.commands.options import (
+    EXPERT,
+    OUTPUT,
+    RUN,
+    WATER,
+    UnusualValues,
+    VehicleFile,
+    Workers,
+    option,
+    option_names,
+    span,
+)
 from exumob.commands.shared import console, counting_bar, errors, fail, simulated_time_bar, vehicle_of
-from exumob.support.quantities import CELL_SIZE, shown
+from exumob.support.quantities import CELL_SIZE, Unusual, shown
 
 if TYPE_CHECKING:
     from exumob.learning.campaign import LearningFolder, RunProgress
@@ -33,12 +44,12 @@ class Sides(StrEnum):
 
 def learn_command(  # one argument an option of the command line
     vehicle: VehicleFile = None,
-    depth: Annotated[str, option(WATER, "Smallest and largest depth over the tyre's diameter, LOW:HIGH.")] = "0.2:0.9",
+    depth: Annotated[str, option(WATER, "Smallest and largest depth over the tyre's diameter, from:to.")] = "0.2:0.9",
     current: Annotated[
         str,
         option(
             WATER,
-            "Smallest and largest speed of the current, LOW:HIGH [m/s], of a vehicle of the paper's size; scaled to "
+            "Smallest and largest speed of the current, from:to [m/s], of a vehicle of the paper's size; scaled to "
             "this one by Froude's law.",
         ),
     ] = "0:1.5",
@@ -72,6 +83,7 @@ def learn_command(  # one argument an option of the command line
     mpi: Annotated[
         bool, option(EXPERT, "Use the ranks of mpiexec -n 4 python -m mpi4py.futures -m exumob learn ...", "--mpi")
     ] = False,
+    unusual: UnusualValues = False,
     mixed: Annotated[
         bool, option(EXPERT, "Learn from runs of several versions of the flow solver, too.", "--mixed")
     ] = False,
@@ -104,8 +116,11 @@ def learn_command(  # one argument an option of the command line
             raise ValueError(f"--preset {shown(preset)} is not known; use {', '.join(PRESETS)}.")
         car = vehicle_of(vehicle)
         with option_names():
-            wanted = LearningRange(_pair("--depth", depth), _pair("--current", current), directions.value)
-            size = CELL_SIZE.check("--cell-size", cells_of(car) if cell_size is None else cell_size)
+            depths, currents = span("--depth", depth, unusual), span("--current", current, unusual)
+            wanted = LearningRange(depths, currents, directions.value)
+            if cell_size is None:
+                cell_size = cells_of(car)
+            size = CELL_SIZE.check("--cell-size", Unusual(cell_size) if unusual else cell_size)
             _check_numbers(budget, run_time)
         if not plan:
             from exumob.learning.campaign import LearningFolder
@@ -114,6 +129,7 @@ def learn_command(  # one argument an option of the command line
             assert output is not None
             folder = LearningFolder(output)
             folder.claim(car, size)
+            folder.load(mixed, car)  # what others have put there is refused before anything is computed
         envelope = _envelope(car, wanted, output if output is not None else Path())
         if folder is not None:
             keep_envelope(envelope, car, wanted, folder.path)
@@ -124,7 +140,6 @@ def learn_command(  # one argument an option of the command line
             console.print(line, soft_wrap=True)
         if folder is None:
             return
-        folder.load(mixed, car)
     except (ValueError, OSError) as error:
         fail(error)
     except ImportError as error:
@@ -149,15 +164,6 @@ def _check_numbers(budget: float | None, run_time: float | None) -> None:
         BUDGET.check("--budget", budget)
     if run_time is not None:
         DURATION.check("--run-time", run_time)
-
-
-def _pair(option: str, text: str) -> tuple[float, float]:
-    """Read LOW:HIGH."""
-    try:
-        low, high = (float(part) for part in text.split(":"))
-    except ValueError:
-        raise ValueError(f"{option} {shown(text)} is not of the form LOW:HIGH; give two numbers, as 0.2:0.9.") from None
-    return low, high
 
 
 def _envelope(car: Vehicle, wanted: LearningRange, folder: Path) -> Envelope:

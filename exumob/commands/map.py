@@ -22,11 +22,12 @@ from exumob.commands.options import (
     option,
     radians,
     refuse_without_effect,
+    span,
 )
 from exumob.commands.shared import check_targets, console, counting_bar, errors, fail, write_or_say
 from exumob.simulation.settings import SOIL
 from exumob.support.files import write_text
-from exumob.support.quantities import DIRECTION, Unusual
+from exumob.support.quantities import DIRECTION
 
 
 def map_command(  # one argument an option of the command line
@@ -86,8 +87,8 @@ def map_command(  # one argument an option of the command line
         experiment.check()
         wanted = MobilityMap(
             Crossing(experiment, Limits(width=width, time=time, drift=drift, window=1.5)),
-            Axis("water.current_speed", *_span("--current", current, unusual), cells),
-            Axis("water.depth_ratio", *_span("--depth", depth, unusual), cells),
+            Axis("water.current_speed", *span("--current", current, unusual), cells),
+            Axis("water.depth_ratio", *span("--depth", depth, unusual), cells),
             {name: {"soil": name} for name in soil or [SOIL]},
             scatter=SCATTER if draws > 1 else {}, draws=draws, levels=levels, seed=seed,
         )  # fmt: skip
@@ -131,13 +132,3 @@ def map_command(  # one argument an option of the command line
         raise typer.Exit(1)
     if not written:
         raise typer.Exit(2)
-
-
-def _span(option: str, text: str, unusual: bool) -> tuple[float, float]:
-    """Two numbers, which may lie outside their plausible range if `unusual`."""
-    low, _, high = text.partition(":")
-    try:
-        ends = float(low), float(high)
-    except ValueError:
-        raise ValueError(f"{option} {text}: write from:to, such as 0.4:0.6.") from None
-    return (Unusual(ends[0]), Unusual(ends[1])) if unusual else ends

@@ -245,6 +245,16 @@ def option_names() -> Iterator[None]:
         raise
 
 
+def span(option: str, text: str, unusual: bool = False) -> tuple[float, float]:
+    """Read two numbers, from:to, which may lie outside their plausible range if `unusual`."""
+    low, _, high = text.partition(":")
+    try:
+        ends = float(low), float(high)
+    except ValueError:
+        raise ValueError(f"{option} {text}: write from:to, such as 0.4:0.6.") from None
+    return (Unusual(ends[0]), Unusual(ends[1])) if unusual else ends
+
+
 def radians(option: str, degrees: float, quantity: Quantity, unusual: bool = False) -> float:
     """Return an angle or a turning given in degrees in radians, or refuse it in degrees.
 

@@ -35,9 +35,11 @@ from exumob.support.arrays import Array
 from exumob.support.files import require_folder_name, require_writable, write_text
 from exumob.support.processes import end_with_parent, stopping
 from exumob.support.provenance import parameters_json, provenance
+from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.towing_tank.run import captive_run
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
+from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.mesh_file import mesh_digest, mesh_provenance
 
 logger = logging.getLogger(__name__)
@@ -50,6 +52,9 @@ TOLD = 0.05
 """Simulated time between two words of a run on how far it is [s]."""
 ABOUT = "learning.json"
 """File of a folder that says whose it is."""
+
+WITHOUT_FLOW = tuple(model.__name__ for model in (CoefficientHydrodynamics, SurrogateHydrodynamics))
+"""Models whose loads there is nothing to learn from."""
 
 
 @dataclass(frozen=True)
@@ -165,6 +170,10 @@ class LearningFolder:
         for file in sorted(self.runs.glob("*.nc")):
             run = load_dataset(file)
             check_run(run, str(file))
+            if (model := str(run.attrs.get("hydrodynamics", ""))) in WITHOUT_FLOW:
+                raise ValueError(
+                    f"{file}: its loads are those of {model}; networks are to learn those of a flow. Move it away."
+                )
             found[file.stem] = run
         if vehicle is not None:
             check_geometry(found, vehicle)

@@ -65,9 +65,10 @@ def learn_from(  # each argument is a choice of its own
     taught = {name: run for name, run in runs.items() if run.attrs.get("role") != "apart"}
     apart = {name: run for name, run in runs.items() if name not in taught}
     if len(taught) < LEAST_TAUGHT or not apart:
+        remedy = "the same command tries those again that broke down" if failed else "give a larger --budget"
         raise ValueError(
             f"--output {folder.path}: {len(taught)} runs to learn from and {len(apart)} kept apart; {LEAST_TAUGHT} and "
-            "one are the least. See why runs broke down, or give a larger --budget."
+            f"one are the least: {remedy}."
         )
     files = train([plan.preset], taught, plan.vehicle, folder.path / "networks", seeds=range(plan.seeds), jobs=jobs,
                   progress=progress)  # fmt: skip

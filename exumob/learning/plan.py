@@ -31,7 +31,7 @@ from exumob.simulation.settings import time_scale, usual_speed
 from exumob.support.cost import cores, spelled_size, spelled_time
 from exumob.support.declared import Declared, checked
 from exumob.support.provenance import parameters_json
-from exumob.support.quantities import DEPTH_RATIO, Quantity
+from exumob.support.quantities import CURRENT_SPEED, DEPTH_RATIO, Quantity, Unusual, unusual
 from exumob.towing_tank.excitation import CHANNELS, Envelope, Excitation
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
@@ -83,7 +83,7 @@ class LearningRange(Declared):
 
     depth: Annotated[tuple[float, float], DEPTH_RATIO] = (0.2, 0.9)
     """Smallest and largest depth over the tyre's diameter"""
-    current: Annotated[tuple[float, float], Quantity("m/s", at_least=0.0, at_most=20.0)] = (0.0, 1.5)
+    current: Annotated[tuple[float, float], CURRENT_SPEED] = (0.0, 1.5)
     """Smallest and largest speed of the current, of the paper's vehicle"""
     directions: Directions = "all"
     """Where currents come from: from ahead; from ahead and behind (along); from all sides"""
@@ -113,7 +113,7 @@ class LearningRange(Declared):
         slow, fast = self.currents(vehicle)
         turn = {"ahead": 0.0, "along": math.pi * (side >= 0.5), "all": 2.0 * math.pi * side}[self.directions]
         direction = math.remainder(math.pi + turn, 2.0 * math.pi)
-        return Water(low + depth * (high - low), slow + current * (fast - slow), direction)
+        return Water(_between(low, high, depth), _between(slow, fast, current), direction)
 
     def samples(self, vehicle: Vehicle) -> list[Water]:
         """Return waters at the ends and in the middle of the ranges, for the drives that give the envelope."""
@@ -251,6 +251,12 @@ class LearningPlan:
             f"with {jobs} worker{'s' if jobs > 1 else ''}; {spelled_size(jobs * most.cost.memory)} of memory"
         )
         return found
+
+
+def _between(low: float, high: float, share: float) -> float:
+    """Return a value within a range; it may be unusual if an end of the range is."""
+    value = low + share * (high - low)
+    return unusual(value) if isinstance(low, Unusual) or isinstance(high, Unusual) else value
 
 
 def _sides(directions: Directions) -> str:

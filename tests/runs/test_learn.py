@@ -152,6 +152,20 @@ def test_networks_learn_and_the_card_says_what_they_are_worth(tmp_path):
     assert trust.startswith("networks") and f"off by {figures['load_error']:.2g} of their deviation" in trust
 
 
+def test_what_is_wrong_in_a_folder_is_said_before_anything_is_computed(tmp_path, monkeypatch):
+    """A file that is no run, and then a range of depths that is none."""
+
+    def never(*_):
+        raise AssertionError("drives for the envelope")
+
+    monkeypatch.setattr("exumob.learning.envelope.envelope_of", never)
+    folder = LearningFolder(tmp_path / "out")
+    (folder.runs / "mine.nc").write_text("no run")
+    for more, said in (((), "mine.nc cannot be read"), (("--depth", "0.5"), "--depth 0.5: write from:to")):
+        answer = CliRunner().invoke(app, ["learn", "--output", str(folder.path), *more], env={"COLUMNS": "200"})
+        assert answer.exit_code == 2 and said in answer.output and "Traceback" not in answer.output
+
+
 def test_the_whole_with_the_flow(tmp_path, monkeypatch):
     """On cells that resolve nothing and for a second in all: it runs to its end, and again with nothing to do."""
     monkeypatch.setattr("exumob.learning.envelope.envelope_of", lambda vehicle, waters, progress=None: ENVELOPE)

@@ -179,7 +179,19 @@ def test_every_command_with_a_current_takes_unusual_values():
     for name, command in typer.main.get_command(app).commands.items():
         options = {option for parameter in command.params for option in parameter.opts}
         if "--current" in options:
-            assert {"--unusual", "--current-direction"} <= options, name
+            assert "--unusual" in options and options & {"--current-direction", "--directions"}, name
+
+
+@pytest.mark.parametrize("option", [("--current", "0:16"), ("--depth", "0.005:0.5"), ("--cell-size", "1.5")])
+def test_unusual_ranges_to_learn_get_as_far_as_their_drives(option, monkeypatch):
+    def drives(vehicle, waters, progress=None):
+        raise ValueError(f"{len(waters)} waters")
+
+    monkeypatch.setattr("exumob.learning.envelope.envelope_of", drives)
+    answer = call("learn", "--plan", "--unusual", *option)
+    assert answer.exit_code == 2 and "7 waters" in answer.output, answer.output
+    answer = call("learn", "--plan", *option)
+    assert answer.exit_code == 2 and option[0] in answer.output and "outside the plausible range" in answer.output
 
 
 @pytest.mark.parametrize("fails, code, tried", [(False, 0, 2), (True, 2, 1)])

@@ -239,6 +239,14 @@ def test_runs_of_other_vehicles_and_other_cells_are_refused_before_any_is_made(s
         folder.load(vehicle=CAR)
 
 
+@pytest.mark.parametrize("model", ["CoefficientHydrodynamics", "SurrogateHydrodynamics"])
+def test_runs_whose_loads_no_flow_gave_are_refused(short, tmp_path, model):
+    folder = LearningFolder(tmp_path)
+    save_dataset(states_run(short.tasks[0], CAR).assign_attrs(hydrodynamics=model), folder.runs / "drive.nc")
+    with pytest.raises(ValueError, match=rf"drive\.nc: its loads are those of {model}"):
+        folder.load()
+
+
 def test_a_file_is_no_folder(tmp_path):
     with pytest.raises(ValueError, match=r"--output .*\.nc: this is to be a folder"):
         LearningFolder(tmp_path / "x.nc")
