@@ -27,7 +27,7 @@ from exumob.simulation.settings import DEFAULT_SETTING, setting_named
 from exumob.support.measured import flow_load_error, measured_errors
 from exumob.surrogates.ensemble import card_of
 from exumob.surrogates.model import SLOPE_RANGE, SurrogateHydrodynamics
-from exumob.surrogates.networks import GEOMETRY, further_shape
+from exumob.surrogates.networks import GEOMETRY, TRAINED_DENSITY, further_shape
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
@@ -324,28 +324,9 @@ def _card_departures(
     run: RunDescription, card: Mapping[str, Any], out_of_range: float | None, met: WaterMet | None
 ) -> Iterator[Departure]:
     """Find in what a run lies beyond what the card of its networks holds."""
-    water, model = run.water, run.hydrodynamics
-    if water is not None:
-        depth: tuple[float, ...] = () if water.depth is None else (water.depth,)
-        current: tuple[float, ...] = () if water.field is not None else (water.current_speed,)
-        aside = math.remainder(water.current_direction - run.start.heading - math.pi, 2.0 * math.pi)
-        if water.depth is None:
-            yield Departure("water", ("a level over terrain" if water.field is None else "a field",), "one depth")
-        if met is not None:
-            depth, current, aside = met.depth, met.current, met.aside
-            yield from _assumed(model, met)
-        diameter = run.vehicle.wheel.diameter
-        for quantity, values, name, unit in (
-            ("depth ratio", tuple(d / diameter for d in depth), "depth_ratio", ""),
-            ("current", current, "current_speed", "m/s"),
-        ):
-            low, high = card[name]
-            if any(not low - 1e-6 <= value <= high + 1e-6 for value in values):
-                yield Departure(quantity, values, f"{low:.3g} to {high:.3g}", unit)
-        ahead = abs(aside) < math.radians(0.5)
-        along = ahead or abs(abs(aside) - math.pi) < math.radians(0.5)
-        if max(current, default=0.0) > 0.0 and not {"ahead": ahead, "along": along}.get(card["directions"], True):
-            yield Departure("current turned from ahead by", (math.degrees(abs(aside)),), card["directions"], "deg")
+    model = run.hydrodynamics
+    yield from _water_departures(run, card, TRAINED_DENSITY, met, str(card["directions"]))
+    yield from _coupling_departures(run)
     if not _published(run.soil, card["soil"]):
         yield Departure("soil", (run.soil.name or "of your own",), card["soil"])
     if not run.terrain.is_flat:
@@ -380,21 +361,16 @@ def _departures(
     run: RunDescription, out_of_range: float | None, fallback: float | None, met: WaterMet | None
 ) -> Iterator[Departure]:
     """Find in what a run lies beyond those that were measured with its model and vehicle."""
-    table, water, model = measured_errors(), run.water, run.hydrodynamics
+    table, model = measured_errors(), run.hydrodynamics
     if isinstance(model, SurrogateHydrodynamics) and (card := card_of(model.networks)) is not None:
         yield from _card_departures(run, card, out_of_range, met)
         return
     in_loop = isinstance(model, CfdHydrodynamics)
     rows = _rows_of(table["flow"]["scenario"]) if in_loop else table["runs"]
-    yield from _water_departures(run, rows, table["density"], met)
+    ends = {name: [end(row[name] for row in rows) for end in (min, max)] for name in ("depth_ratio", "current_speed")}
+    yield from _water_departures(run, ends, table["density"], met)
     yield from _common_departures(run, rows, table)
-    usual = SemiImplicit if in_loop else Explicit
-    if water is not None and type(run.coupling) is not usual:
-        yield Departure("coupling", (type(run.coupling).__name__,), usual.__name__)
-    if isinstance(model, SurrogateHydrodynamics | CoefficientHydrodynamics):
-        held, measured = getattr(run.coupling, "within_step", None), Explicit().within_step
-        if isinstance(run.coupling, Explicit) and water is not None and held != measured:
-            yield Departure("loads within a step", (str(held),), measured)
+    yield from _coupling_departures(run)
     if in_loop:
         if _is_straight(run):
             yield Departure("maneuver", ("straight ahead",), "lane change")
@@ -440,13 +416,24 @@ def _common_departures(
 _RANGE = "outside the networks' training range for"
 
 
+def _coupling_departures(run: RunDescription) -> Iterator[Departure]:
+    """Find in what the coupling with the water's loads differs from the usual one of its model."""
+    usual = SemiImplicit if isinstance(run.hydrodynamics, CfdHydrodynamics) else Explicit
+    if run.water is not None and type(run.coupling) is not usual:
+        yield Departure("coupling", (type(run.coupling).__name__,), usual.__name__)
+    if isinstance(run.hydrodynamics, SurrogateHydrodynamics | CoefficientHydrodynamics):
+        held, measured = getattr(run.coupling, "within_step", None), Explicit().within_step
+        if isinstance(run.coupling, Explicit) and run.water is not None and held != measured:
+            yield Departure("loads within a step", (str(held),), measured)
+
+
 def _water_departures(
-    run: RunDescription, rows: Sequence[Mapping[str, Any]], density: float, met: WaterMet | None
+    run: RunDescription, ranges: Mapping[str, Any], density: float, met: WaterMet | None, sides: str = "ahead"
 ) -> Iterator[Departure]:
+    """Find in what the water lies beyond ranges of ``depth_ratio`` and ``current_speed``, and sides of the current."""
     water, diameter = run.water, run.vehicle.wheel.diameter
     if water is None:  # a dry run among wet ones
-        low, high = (end(row["depth_ratio"] for row in rows) for end in (min, max))
-        yield Departure("depth ratio", (0.0,), _span(low, high))
+        yield Departure("depth ratio", (0.0,), _rounded(*ranges["depth_ratio"]))
         return
     depth: tuple[float, ...] = () if water.depth is None else (water.depth,)
     current: tuple[float, ...] = () if water.field is not None else (water.current_speed,)
@@ -460,11 +447,13 @@ def _water_departures(
         ("depth ratio", tuple(d / diameter for d in depth), "depth_ratio", ""),
         ("current", current, "current_speed", "m/s"),
     ):
-        low, high = (end(row[name] for row in rows) for end in (min, max))
+        low, high = ranges[name]
         if any(not low - 1e-6 <= value <= high + 1e-6 for value in values):
-            yield Departure(quantity, values, _span(low, high), unit)
-    if max(current, default=0.0) > 0.0 and math.degrees(aside) > 0.5:
-        yield Departure("current turned from ahead by", (math.degrees(aside),), "0", "deg")
+            yield Departure(quantity, values, _rounded(low, high), unit)
+    turned = min(aside, math.pi - aside) if sides == "along" else aside
+    if max(current, default=0.0) > 0.0 and sides != "all" and math.degrees(turned) > 0.5:
+        measured = "0" if sides == "ahead" else "0 or 180"
+        yield Departure("current turned from ahead by", (math.degrees(aside),), measured, "deg")
     if not math.isclose(water.density, density, rel_tol=0.03):
         yield Departure("density", (water.density,), f"{density:g}", "kg/m³")
 
@@ -644,6 +633,10 @@ def _number(value: Any) -> str:
 
 def _span(low: float, high: float) -> str:
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+
+
+def _rounded(low: float, high: float) -> str:
+    return _span(float(f"{low:.3g}"), float(f"{high:.3g}"))
 
 
 def _percent(share: float) -> str:

@@ -8,6 +8,7 @@ import pytest
 from made_up_networks import SMALL, made_up
 
 from exumob.coupling.explicit import Explicit
+from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.driving.maneuver import ConstantSteer, Recorded, lane_change, smooth_step
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
@@ -127,7 +128,10 @@ def test_the_line_of_trust_quotes_the_card(run):
     [
         ({"water": Water.at_ratio(1.0, 1.0)}, "depth ratio", "0.2 to 0.9"),
         ({"water": Water.at_ratio(0.5, 2.0)}, "current", "0 to 1.5"),
-        ({"water": Water.at_ratio(0.5, 1.0, current_direction=1.0)}, "current turned from ahead by", "along"),
+        ({"water": Water.at_ratio(0.5, 1.0, current_direction=1.0)}, "current turned from ahead by", "0 or 180"),
+        ({"water": Water.at_ratio(0.5, 1.0, density=1100.0)}, "density", "1000"),
+        ({"coupling": SemiImplicit()}, "coupling", "Explicit"),
+        ({"coupling": Explicit(within_step="held")}, "loads within a step", "linear"),
         ({"soil": Soil.published("Grenville loam 24 %")}, "soil", "LETE sand"),
         ({"terrain": Terrain.slope(0.1), "water": Water(level=0.1)}, "terrain", "flat"),
         ({"maneuver": ConstantSteer(0.2)}, "maneuver", "lane change, straight"),
