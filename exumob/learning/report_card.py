@@ -79,7 +79,7 @@ def report_card(contents: CardContents) -> str:
         *([_inlined(_draw_paths(c))] if c.drives else []),
         "<h2>Error bars</h2>", _calibration_text(c),
         *([_inlined(_draw_calibration(c))] if c.figures["members"] > 1 else []),
-        "<h2>What these networks do not know</h2>", _list(_unknown(c)),
+        "<h2>What these networks do not know</h2>", _list(unknown(c)),
         "<h2>How they were made</h2>", _run_table(c),
     ]  # fmt: skip
     return PAGE.format(title=f"Report card: networks of {name}", body="\n".join(parts))
@@ -234,12 +234,13 @@ def _drive_table(c: CardContents) -> str:
             return "-" if measures is None else format(measures[name], digits)
 
         cells = [
-            f"{one.maneuver}", f"{one.depth_ratio:.2f}", f"{one.current:.2f}", figure(one.networks, "path"),
+            f"{one.maneuver}", f"{one.duration:g}", f"{one.depth_ratio:.2f}", f"{one.current:.2f}",
+            figure(one.networks, "path"),
             f"<b>{figure(one.networks, 'final')}</b>", figure(one.networks, "yaw"),
             figure(one.coefficients, "final"), f"{100.0 * one.outside:.0f}", f"{100.0 * one.fallback:.0f}",
         ]  # fmt: skip
         rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
-    heads = ("drive", "depth ratio", "current [m/s]", "path, rms [%]", "end [%]", "yaw, rms [deg]",
+    heads = ("drive", "time [s]", "depth ratio", "current [m/s]", "path, rms [%]", "end [%]", "yaw, rms [deg]",
              "end, coefficients [%]", "outside range [% of time]", "coefficients' share [%]")  # fmt: skip
     return f"<table><tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>{''.join(rows)}</table>"
 
@@ -290,7 +291,8 @@ def _draw_calibration(c: CardContents) -> Figure:
     return figure
 
 
-def _unknown(c: CardContents) -> list[str]:
+def unknown(c: CardContents) -> list[str]:
+    """Say what the networks of a card do not know, a line each."""
     f = c.figures
     found = [
         f"Depths outside {f['depth_ratio'][0]:.2f} to {f['depth_ratio'][1]:.2f} tyre diameters, currents above "
@@ -299,6 +301,8 @@ def _unknown(c: CardContents) -> list[str]:
         + ": the coefficient model takes over there.",
         "Beds that are not level, waves, and water whose depth or current changes in time or along the vehicle.",
         f"Other soils in closed loop: all drives above were on {f['soil']}.",
+        "This vehicle with another mass or suspension"
+        + (f", and drives longer than {max(one.duration for one in c.drives):g} s." if c.drives else "."),
         "Motions beyond the envelope of the drives that it came from (the figure above shows what was met).",
         "The error of the flow solver itself: all is compared with it, and no vehicle was measured in water.",
     ]
@@ -311,6 +315,9 @@ def _unknown(c: CardContents) -> list[str]:
         found.insert(0, "What the cells do not resolve: " + "; ".join(c.plan.lost) + ".")
     if c.figures["drives_failed"]:
         found.append(f"{c.figures['drives_failed']} drives could not be compared: one of the two broke down or stood.")
+    versions = {run.attrs.get("flow_revision") for run in (*c.taught.values(), *c.apart.values())} - {None}
+    if len(versions) > 1:
+        found.append(f"The loads of one version of the flow solver: the runs are of {len(versions)}, which may differ.")
     if f["runs"] < 5:
         found.append(f"Much about their own errors: {f['runs']} runs were kept apart. A larger budget adds more.")
     return found + [f"Run {name} broke down and is not there: {text}" for name, text in c.failed.items()]

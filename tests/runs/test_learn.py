@@ -139,8 +139,9 @@ def test_networks_learn_and_the_card_says_what_they_are_worth(tmp_path):
     images = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
     assert len(images) == 4 and all(base64.b64decode(image).startswith(b"\x89PNG") for image in images)
     assert "http" not in page and 'src="' not in page.replace('src="data:', "")  # needs no other file
-    for text in ("Range covered", "Drives, beside the same", "What these networks do not know", "lane change",
-                 f"{figures['load_error']:.2f}", "captive_004", "What the cells do not resolve"):  # fmt: skip
+    for text in ("Range covered", "Drives, beside the same", "drives longer than", "What these networks do not know",
+                 "lane change", f"{figures['load_error']:.2f}", "captive_004",
+                 "What the cells do not resolve"):  # fmt: skip
         assert text in page
 
     answer = CliRunner().invoke(

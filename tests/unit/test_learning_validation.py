@@ -1,8 +1,12 @@
 """Errors of loads, and networks that are no better than coefficients: they are called so, with what to do."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from exumob.learning.presets import PRESETS
+from exumob.learning.report_card import unknown
 from exumob.learning.validation import LEAST_LOAD, Compared, load_errors, shortfall
 from exumob.support.constants import GRAVITY
 from vehicle_models.amphibious import amphibious_vehicle
@@ -42,3 +46,24 @@ def test_networks_no_better_than_coefficients_are_called_so(loads, ends, said):
     text = shortfall(figures)
     assert all(part in text for part in said) and bool(text) == bool(said)
     assert not said or "--budget" in text
+
+
+def test_the_card_says_what_networks_do_not_know():
+    def listed(*versions):
+        contents = SimpleNamespace(
+            figures={
+                "depth_ratio": [0.2, 0.9], "current_speed": [0.0, 1.5], "directions": "ahead", "soil": "LETE sand",
+                "drives_failed": 0, "runs": 9,
+            },
+            plan=SimpleNamespace(lost=("a gap",), preset=PRESETS["residual"]), failed={"free_001": "it sank"},
+            drives=[SimpleNamespace(duration=6.0), SimpleNamespace(duration=4.0)], apart={},
+            taught={str(n): SimpleNamespace(attrs=version) for n, version in enumerate(versions)},
+        )  # fmt: skip
+        return " ".join(unknown(contents))
+
+    old, new = {"flow_revision": "old"}, {"flow_revision": "new"}
+    text = listed(new, new, {})  # the last one of another program
+    for said in ("a gap", "from any side but ahead", "drives longer than 6 s", "free_001 broke down", "it sank"):
+        assert said in text
+    assert "version of the flow solver" not in text
+    assert "version of the flow solver: the runs are of 2" in listed(old, new, {})
