@@ -46,6 +46,8 @@ logger = logging.getLogger(__name__)
 
 POLL = 0.2
 """Interval at which progress is reported [s]."""
+DEATHS = 2
+"""How often runs go on, with half of the processes, after one of them has died (often for want of memory)."""
 ROOM = 50_000_000
 """Room that the folder must have [bytes]."""
 TOLD = 0.05
@@ -256,21 +258,32 @@ def run_campaign(  # each argument is a choice of its own
     ValueError
         If ranks of MPI are wanted, and there are none.
     """
-    missing = folder.unfinished(tasks)
     failed: dict[str, str] = {}
-    if not missing:
-        return failed
+    left, workers = folder.unfinished(tasks), jobs
+    for again in range(DEATHS, -1, -1):
+        if not left:
+            break
+        failed_now, killed = _make(left, vehicle, folder, workers, mpi, progress, compute or compute_task, again > 0)
+        failed |= failed_now
+        left, workers = [task for task in left if task.name in killed], max(workers // 2, 1)
+    return failed
+
+
+def _make(  # the arguments of `run_campaign`
+    tasks: Sequence[Task], vehicle: Vehicle, folder: LearningFolder, jobs: int, mpi: bool,
+    progress: Callable[[RunProgress], None] | None, compute: Callable[..., xr.Dataset], again: bool,
+) -> tuple[dict[str, str], set[str]]:  # fmt: skip
+    """Make runs until all have ended or a process has died; return errors, and names of those to be made `again`."""
+    failed: dict[str, str] = {}
+    killed: set[str] = set()
     context = multiprocessing.get_context("spawn")
     queue = context.SimpleQueue()
     pool: Executor = (
         _ranks() if mpi
-        else ProcessPoolExecutor(max(1, min(jobs, len(missing))), context, _begin, (queue, os.getpid()))
+        else ProcessPoolExecutor(max(1, min(jobs, len(tasks))), context, _begin, (queue, os.getpid()))
     )  # fmt: skip
     with stopping(pool):
-        pending = {
-            pool.submit(_compute_and_keep, task, vehicle, folder.path, compute or compute_task): task
-            for task in missing
-        }
+        pending = {pool.submit(_compute_and_keep, task, vehicle, folder.path, compute): task for task in tasks}
         left = set(pending)
         while left:
             ended = wait(left, POLL, FIRST_COMPLETED).done
@@ -280,15 +293,17 @@ def run_campaign(  # each argument is a choice of its own
                     progress(reached)
             for future in ended:
                 left.remove(future)
-                error = future.exception()
-                name = pending[future].name
+                error, task = future.exception(), pending[future]
                 if isinstance(error, BrokenProcessPool):
-                    failed[name] = "its process, or one beside it, was killed; the same command goes on"
+                    if again:
+                        killed.add(task.name)
+                        continue
+                    failed[task.name] = "its process, or one beside it, was killed; the same command goes on"
                 elif error is not None:
-                    failed[name] = str(error) or type(error).__name__
+                    failed[task.name] = str(error) or type(error).__name__
                 if progress is not None:
-                    progress(RunProgress(name, pending[future].duration, True, failed.get(name, "")))
-    return failed
+                    progress(RunProgress(task.name, task.duration, True, failed.get(task.name, "")))
+    return failed, killed
 
 
 def working_ranks() -> int:
