@@ -20,6 +20,7 @@ if "--threads" in sys.argv[:-1]:  # must be known before Numba is imported
 
 import numpy as np
 import xarray as xr
+from scipy.signal import detrend
 
 sys.path.insert(0, str(Path(__file__).parent))
 import interfoam
@@ -38,6 +39,8 @@ SAMPLE = 0.01
 """Step of the common time axis [s]."""
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 SOLVERS = ("exumob", "interFoam")
+BANDS = ((0.0, 2.0), (2.0, 5.0), (5.0, 15.0))
+"""Bands of frequencies in which the drag swings [Hz]"""
 COST_STEPS, COST_SKIP = 60, 20
 """Steps of a cost run, and how many of the first do not count: the start costs both more."""
 
@@ -160,11 +163,23 @@ def rows(situation: Situation, data: xr.Dataset) -> list[tuple[str, float, float
     else:
         result.append(("side force, rms [N]", *late["loads"].sel(component="Fy").std("time").values))
     result.append(("drag, rms about its mean [N]", *drag.std("time").values))
+    parts = [spectrum_shares(late.time.values, series) for series in drag.values]
+    for name, here, there in zip(BANDS, *parts, strict=True):
+        result.append((f"  of its square at {name[0]:g} to {name[1]:g} Hz [%]", 100.0 * here, 100.0 * there))
     head = data["surface"].sel(x=data.x > situation.center[0])
     result.append(("rise before the bow [mm]", *(1e3 * (head.isel(x=0) - situation.depth)).values))
     wake = data["surface"].sel(x=data.x < situation.center[0])
     result.append(("rise behind the stern [mm]", *(1e3 * (wake.isel(x=-1) - situation.depth)).values))
     return [(name, float(a), float(b), 100.0 * (float(a) / float(b) - 1.0)) for name, a, b in result]
+
+
+def spectrum_shares(time: np.ndarray, series: np.ndarray) -> list[float]:
+    """Return how much of a series' square, its trend taken out, lies in `BANDS` [-]; a Hann window is used."""
+    rest = detrend(series) * np.hanning(len(series))
+    power = np.abs(np.fft.rfft(rest)) ** 2
+    frequency = np.fft.rfftfreq(len(rest), time[1] - time[0])
+    total = power[1:].sum()
+    return [float(power[1:][(frequency[1:] >= low) & (frequency[1:] < high)].sum() / total) for low, high in BANDS]
 
 
 def buoyancy(situation: Situation) -> float:

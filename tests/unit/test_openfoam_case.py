@@ -10,6 +10,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "openfoam"))
 from case_files import TURBULENCE, case_files, profile_points, write_case
+from compare import spectrum_shares
 from interfoam import OpenFoamError, joined, missing, parse_cells, parse_log, parse_table, read_forces
 from situations import SITUATIONS, graded
 
@@ -145,3 +146,12 @@ def test_growing_cells_end_where_they_should():
     widths = np.diff(faces)
     assert faces[[0, -1]] == pytest.approx([-1.0, 2.0])
     assert np.exp(np.abs(np.diff(np.log(widths)))).max() < 1.08
+
+
+def test_shares_of_a_spectrum_are_those_of_its_sines():
+    """Squares of 9, 4 and 1 at 1, 3 and 10 Hz on a mean and a trend, which do not count."""
+    time = 0.01 * np.arange(1, 401)
+    series = 50.0 + 3.0 * time + sum(
+        a * np.sin(2.0 * np.pi * f * time) for a, f in ((3.0, 1.0), (2.0, 3.0), (1.0, 10.0))
+    )  # fmt: skip
+    assert spectrum_shares(time, series) == pytest.approx([9.0 / 14.0, 4.0 / 14.0, 1.0 / 14.0], abs=0.03)
