@@ -26,10 +26,10 @@ from exumob.coupling.flow_in_loop import CfdHydrodynamics
 from exumob.coupling.macro_step import FollowFlow
 from exumob.flow.revision import solver_revision
 from exumob.ground.soil import Soil
-from exumob.learning.dataset import SAMPLING, check_geometry, check_run, histories, pack
+from exumob.learning.dataset import SAMPLING, check_geometry, histories, load_run, pack
 from exumob.learning.plan import LONGEST_MACRO_STEP, MICRO_STEP, CaptiveTask, Task
 from exumob.paper.reference_runs import SOIL
-from exumob.simulation.result_files import load_dataset, save_dataset
+from exumob.simulation.result_files import save_dataset
 from exumob.simulation.run import simulate
 from exumob.support.arrays import Array
 from exumob.support.files import require_folder_name, require_writable, write_text
@@ -170,8 +170,7 @@ class LearningFolder:
         """
         found: dict[str, xr.Dataset] = {}
         for file in sorted(self.runs.glob("*.nc")):
-            run = load_dataset(file)
-            check_run(run, str(file))
+            run = load_run(file)
             if (model := str(run.attrs.get("hydrodynamics", ""))) in WITHOUT_FLOW:
                 raise ValueError(
                     f"{file}: its loads are those of {model}; networks are to learn those of a flow. Move it away."

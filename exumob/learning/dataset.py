@@ -181,18 +181,35 @@ def _packed(name: str, values: Array) -> NDArray[Any]:
     return values.astype(np.float64 if name in DOUBLE else np.float32)
 
 
-def load_runs(files: Iterable[str | Path]) -> dict[str, xr.Dataset]:
-    """Load packed runs, by the name of their scenario.
+def load_run(file: str | Path) -> xr.Dataset:
+    """Load a run to learn from: a packed one, or a whole result of `exumob.simulate`, which is packed.
 
     Raises
     ------
     ValueError
-        If a file cannot be read, is not a run to learn from (`check_run`), or repeats a scenario.
+        If the file cannot be read, or is not a run to learn from (`pack`, `check_run`).
+    """
+    run = load_dataset(file)
+    if "water_wrench" in run and "water_wrench_smooth" not in run:
+        try:
+            run = pack(run)
+        except ValueError as error:
+            raise ValueError(f"{file}: {error}") from None
+    check_run(run, str(file))
+    return run
+
+
+def load_runs(files: Iterable[str | Path]) -> dict[str, xr.Dataset]:
+    """Load runs (`load_run`), by the name of their scenario.
+
+    Raises
+    ------
+    ValueError
+        If a file cannot be read, is not a run to learn from, or repeats a scenario.
     """
     runs: dict[str, xr.Dataset] = {}
     for file in files:
-        run = load_dataset(file)
-        check_run(run, str(file))
+        run = load_run(file)
         name = str(run.attrs.get("scenario", Path(file).stem))
         if name in runs:
             raise ValueError(f"{file}: there is another run of {name} in the folder; keep one of them.")

@@ -12,7 +12,7 @@ from exumob import Soil, Water, lane_change, simulate
 from exumob.learning.dataset import DOUBLE, VARIABLES, load_runs, pack
 from exumob.learning.importing import import_histories
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
-from exumob.simulation.result_files import save_dataset
+from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.simulation.verdict import FURTHER, NEEDED, VerdictLimits, judge
 from exumob.vehicle.motion import BODIES
 from vehicle_models.amphibious import amphibious_vehicle
@@ -82,6 +82,15 @@ def test_packed_run_holds_motion_and_loads(run, tmp_path):
     assert packed["water_wrench"].values == pytest.approx(run["water_wrench"].values, rel=1e-6, abs=1e-6)
     assert "vehicle" in packed.attrs["parameters"]
     assert packed["water_wrench_smooth"].attrs["units"] == "N, N m"
+
+
+def test_a_whole_result_is_packed_as_it_is_read(run, tmp_path):
+    """What `exumob drive --output` writes may be put beside packed runs; one of longer intervals is refused."""
+    file = save_dataset(run.assign_attrs(scenario="mine"), tmp_path / "mine.nc")
+    xr.testing.assert_identical(load_runs([file])["mine"], pack(load_dataset(file)))
+    rare = save_dataset(run.isel(time=slice(None, None, 10)), tmp_path / "rare.nc")
+    with pytest.raises(ValueError, match=r"rare\.nc: the run is not sampled every 1 ms \(10 to 10 ms\)"):
+        load_runs([rare])
 
 
 def test_smoothed_loads_are_not_late(run):
