@@ -21,7 +21,8 @@ from common import CFD_RUNS, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob import Soil, lane_change, simulate
-from exumob.learning.dataset import pack
+from exumob.learning.compact import compact
+from exumob.learning.dataset import load_run, pack
 from exumob.paper.reference_runs import SOIL, FlowRun, compute_all, set_up_log, work_folder
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
 from exumob.simulation.plotting import plot_lateral_velocity, plot_path, plot_yaw
@@ -79,9 +80,9 @@ def flow_runs(runs: Mapping[str, FlowRun], jobs: int, present_only: bool) -> dic
             found[name] = load_dataset(whole)
             if not packed.exists():
                 packed.parent.mkdir(parents=True, exist_ok=True)
-                save_dataset(pack(found[name]), packed)
+                save_dataset(compact(pack(found[name])), packed)
         elif packed.exists():
-            found[name] = load_dataset(packed)
+            found[name] = load_run(packed)
     missing = {run: name for name, run in runs.items() if name not in found}
     if missing and not present_only:
         for run, result in compute_all(list(missing), amphibious_vehicle(), work, jobs):

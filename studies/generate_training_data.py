@@ -2,7 +2,7 @@
 
 Nine training and four unseen lane changes are run with the flow in the loop, each in a process of its own with one
 thread and a checkpoint every half second: stop the study whenever you like and start it again. Finished runs go to
-``data/cfd_mbd`` (packed, see its README) and, whole, to the folder that EXUMOB_RUNS names (see `common`).
+``data/cfd_mbd`` (packed and rounded, see its README) and, whole, to the folder that EXUMOB_RUNS names (see `common`).
 
 Run: python studies/generate_training_data.py [--jobs 2] [--cell-size 0.018] [D60/U1 ...]     (six hours on two cores)
 """
@@ -17,6 +17,7 @@ from pathlib import Path
 import xarray as xr
 from common import CFD_RUNS, study_parser
 
+from exumob.learning.compact import compact
 from exumob.learning.dataset import pack
 from exumob.paper.reference_runs import CELL_SIZE, FlowRun, compute_all, set_up_log, work_folder
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
@@ -36,7 +37,7 @@ def generate(
     wanted = [FlowRun(s, cell_size, duration=duration) for s, file in files.items() if not file.exists()]
     for run, result in compute_all(wanted, amphibious_vehicle(), work or work_folder(), jobs) if wanted else ():
         if isinstance(result, xr.Dataset):
-            logger.info("%s: %s", run.name, save_dataset(pack(result), files[run.scenario]))
+            logger.info("%s: %s", run.name, save_dataset(compact(pack(result)), files[run.scenario]))
     there = {s.name: file for s, file in files.items() if file.exists()}
     runs = [load_dataset(file) for file in there.values()]
     hours = [(r.attrs["wall_time"] + r.attrs["settling_wall_time"]) / 3600.0 for r in runs]

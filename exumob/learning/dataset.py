@@ -17,9 +17,11 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from exumob.learning.compact import DERIVED, MARK
 from exumob.simulation import verdict
 from exumob.simulation.result_files import load_dataset
 from exumob.simulation.results import VARIABLES as RESULTS
+from exumob.simulation.results import attributes
 from exumob.support.arrays import Array
 from exumob.support.dimensions import with_described_names
 from exumob.support.quantities import unusual
@@ -99,11 +101,7 @@ def pack(run: xr.Dataset) -> xr.Dataset:
         raise ValueError(f"pack: the run holds no {', no '.join(missing)}; give a result of exumob.simulate.")
     _check_sampling(run["time"].values)
     packed = run[[*VARIABLES, *(name for name in FOR_VERDICT if name in run)]]
-    wrench = run["water_wrench"]
-    packed["water_wrench_smooth"] = wrench.copy(data=smoothed(wrench.values, SAMPLING)).assign_attrs(
-        long_name=f"{wrench.attrs['long_name']}, centred moving average over {1e3 * WINDOW:g} ms",
-        samples=window_samples(SAMPLING),
-    )
+    packed["water_wrench_smooth"] = _smooth(run["water_wrench"])
     surface = [name for name in SURFACE if name in run]
     if surface:
         kept = np.arange(0.0, float(run["time"][-1]) + 1e-6, SURFACE_INTERVAL)
@@ -116,6 +114,21 @@ def pack(run: xr.Dataset) -> xr.Dataset:
         if name in run:
             effort |= {f"{name}_mean": float(run[name].mean()), f"{name}_max": float(run[name].max())}
     return packed.assign_attrs(run.attrs | effort)
+
+
+def _smooth(wrench: xr.DataArray) -> xr.DataArray:
+    return wrench.copy(data=smoothed(wrench.values, SAMPLING)).assign_attrs(
+        long_name=f"{wrench.attrs['long_name']}, centred moving average over {1e3 * WINDOW:g} ms",
+        samples=window_samples(SAMPLING),
+    )
+
+
+def complete(run: xr.Dataset) -> xr.Dataset:
+    """Give a compact run (`exumob.learning.compact`) what was left out."""
+    motion = histories(body_states(run), run["water_wrench"].values, water_of(run), {})
+    whole = run.assign({name: motion[name].variable for name in DERIVED})
+    order = [name for name in VARIABLES if name in whole]
+    return whole[order + [str(name) for name in whole.data_vars if name not in VARIABLES]]
 
 
 def histories(states: BodyStates, wrench: Array, water: Water, attrs: Mapping[str, Any]) -> xr.Dataset:
@@ -156,15 +169,8 @@ def histories(states: BodyStates, wrench: Array, water: Water, attrs: Mapping[st
     }
     if np.isfinite(states.wheel_speed).all():
         values["wheel_speed"] = states.wheel_speed
-    described = {name: RESULTS[name] for name in values} | {
-        "water_wrench_smooth": ("time body component", "N, N m", "water_wrench, centred moving average")
-    }
-    values["water_wrench_smooth"] = smoothed(wrench, SAMPLING)
     found = xr.Dataset(
-        {
-            name: (dims.split(), _packed(name, values[name]), {"units": unit, "long_name": text})
-            for name, (dims, unit, text) in described.items()
-        },
+        {name: (RESULTS[name][0].split(), _packed(name, v), attributes(name)) for name, v in values.items()},
         coords={
             "time": ("time", states.time, {"units": "s", "long_name": "time since the first sample"}),
             "body": list(BODIES), "axis": ["x", "y", "z"], "quaternion_component": ["w", "x", "y", "z"],
@@ -173,6 +179,7 @@ def histories(states: BodyStates, wrench: Array, water: Water, attrs: Mapping[st
         },
         attrs=dict(attrs),
     )  # fmt: skip
+    found["water_wrench_smooth"] = _smooth(found["water_wrench"].copy(data=wrench)).astype(np.float32)
     return with_described_names(found)
 
 
@@ -182,7 +189,7 @@ def _packed(name: str, values: Array) -> NDArray[Any]:
 
 
 def load_run(file: str | Path) -> xr.Dataset:
-    """Load a run to learn from: a packed one, or a whole result of `exumob.simulate`, which is packed.
+    """Load a run to learn from: a packed or compact one, or a whole result of `exumob.simulate`, which is packed.
 
     Raises
     ------
@@ -190,7 +197,9 @@ def load_run(file: str | Path) -> xr.Dataset:
         If the file cannot be read, or is not a run to learn from (`pack`, `check_run`).
     """
     run = load_dataset(file)
-    if "water_wrench" in run and "water_wrench_smooth" not in run:
+    if MARK in run.attrs:
+        run = complete(run)
+    elif "water_wrench" in run and "water_wrench_smooth" not in run:
         try:
             run = pack(run)
         except ValueError as error:

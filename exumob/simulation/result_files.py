@@ -57,7 +57,8 @@ def save_dataset(dataset: xr.Dataset, file: str | Path, *, elsewhere: bool = Tru
 def _write(dataset: xr.Dataset, path: Path) -> Path:
     if not path.parent.is_dir():
         raise OSError(errno.ENOENT, f"folder {path.parent} does not exist")
-    packed = {name: {"zlib": True, "complevel": 4} for name, v in dataset.data_vars.items() if v.dtype.kind == "f"}
+    pressed = {"zlib": True, "complevel": 4, "shuffle": True}
+    packed = {name: pressed for name, v in dataset.data_vars.items() if v.dtype.kind == "f"}
     data = dataset.to_netcdf(engine="h5netcdf", encoding=packed)  # in memory: HDF5 on a full disk takes Python down
     with atomic_write(path) as temporary:
         temporary.write_bytes(sealed(bytes(data)))

@@ -9,6 +9,7 @@ from made_up_runs import made_up_run
 from scipy.spatial.transform import Rotation
 
 from exumob import Soil, Water, lane_change, simulate
+from exumob.learning.compact import DERIVED, GRAIN, compact
 from exumob.learning.dataset import DOUBLE, VARIABLES, load_runs, pack
 from exumob.learning.importing import import_histories
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
@@ -91,6 +92,26 @@ def test_a_whole_result_is_packed_as_it_is_read(run, tmp_path):
     rare = save_dataset(run.isel(time=slice(None, None, 10)), tmp_path / "rare.nc")
     with pytest.raises(ValueError, match=r"rare\.nc: the run is not sampled every 1 ms \(10 to 10 ms\)"):
         load_runs([rare])
+
+
+def test_a_compact_run_is_a_third_as_large_and_the_same_but_for_rounding(run, tmp_path):
+    packed = pack(run.assign_attrs(scenario="mine"))
+    file, whole = save_dataset(compact(packed), tmp_path / "run.nc"), save_dataset(packed, tmp_path / "whole.nc")
+    assert file.stat().st_size < 0.4 * whole.stat().st_size
+    found = load_runs([file])["mine"]
+    assert set(found.variables) == set(packed.variables)
+    for name, v in packed.data_vars.items():
+        assert found[name].attrs == v.attrs and found[name].dims == v.dims and found[name].dtype == v.dtype, name
+        if v.dtype.kind != "f":
+            continue
+        off = np.abs(found[name].values - v.values)
+        bound = GRAIN.get(name, 0.0) if name in GRAIN else 2.0**-10 * np.abs(v.values)
+        if name in DERIVED:  # as far off as what they follow from
+            bound = {"flow_state": 2e-3, "water_wrench_smooth": 1e-3 * np.abs(packed["water_wrench"].values).max()}.get(
+                name, 2e-5
+            )
+        assert np.all((off <= bound) | np.isnan(off)), name
+    xr.testing.assert_identical(compact(found), compact(packed))  # rounding is done once
 
 
 def test_smoothed_loads_are_not_late(run):
