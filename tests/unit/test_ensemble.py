@@ -169,22 +169,14 @@ def test_more_time_outside_the_range_is_said(run):
     assert "outside the networks' training range for 50 % of the time (10 % of the time)" in found.line
 
 
-def test_without_drives_nothing_is_validated(file, tmp_path):
+def test_without_drives_nothing_is_validated(run, tmp_path):
     other = save_ensemble(MEMBERS, tmp_path / "other.safetensors", CARD | {"drives": []})
-    run = RunDescription(
-        CAR, Soil.published("LETE sand"), Water.at_ratio(0.6, 1.0), Terrain(), lane_change(),
-        SurrogateHydrodynamics(load_members(other)), Explicit(), Steps(8.0, 1e-3, 20e-3, 1e-2), 0.0,
-    )  # fmt: skip
-    found = trust_of(run)
+    found = trust_of(replace(run, hydrodynamics=SurrogateHydrodynamics(other)))
     assert found.status == "not validated" and "no drive was compared" in found.line
 
 
-def test_drives_in_which_networks_hardly_answered_validate_nothing(file, tmp_path):
+def test_drives_in_which_networks_hardly_answered_validate_nothing(run, tmp_path):
     drives = [one | {"fallback": 0.9} for one in CARD["drives"]]
     other = save_ensemble(MEMBERS, tmp_path / "other.safetensors", CARD | {"drives": drives})
-    run = RunDescription(
-        CAR, Soil.published("LETE sand"), Water.at_ratio(0.6, 1.0), Terrain(), lane_change(),
-        SurrogateHydrodynamics(load_members(other)), Explicit(), Steps(8.0, 1e-3, 20e-3, 1e-2), 0.0,
-    )  # fmt: skip
-    found = trust_of(run)
+    found = trust_of(replace(run, hydrodynamics=SurrogateHydrodynamics(other)))
     assert found.status == "not validated" and "the coefficient model gave 90 % of the loads" in found.line
