@@ -1,10 +1,11 @@
 """How far off is each model of the water? The figures that every result states in its line of trust.
 
 The thirteen lane changes with the flow in the loop (`data/cfd_mbd`) are driven anew with the networks that come with
-exumob and with the published coefficients, at the steps that are the default, and the vehicle goes straight ahead in
-the same water. What is found is written to `exumob/support/measured_errors.json`, which `exumob.simulation.trust`
-reads, with what other studies measured: how far runs with the flow in the loop repeat (`cfd_lane_change.nc`), its loads
-beside another program, and the soil's forces beside measurements (`docs/validation.md`).
+exumob, the default ensemble and the paper's, and with the published coefficients, at the steps that are the default,
+and the vehicle goes straight ahead in the same water. What is found is written to
+`exumob/support/measured_errors.json`, which `exumob.simulation.trust` reads, with what other studies measured: how far
+runs with the flow in the loop repeat (`cfd_lane_change.nc`), its loads beside another program, and the soil's forces
+beside measurements (`docs/validation.md`).
 
 Run: python studies/measured_errors.py     (ten minutes)
 """
@@ -32,6 +33,7 @@ from exumob.support.files import atomic_write
 from exumob.support.measured import MEASURED_FILE
 from exumob.support.provenance import provenance
 from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import NAMED
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.hydrodynamics import Hydrodynamics
@@ -121,7 +123,8 @@ def main(quick: bool = False) -> dict[str, Any]:
     """Measure; return what is written to the file, or with `quick` the same for one scenario, which is not written."""
     vehicle = amphibious_vehicle()
     ensemble = SurrogateHydrodynamics()
-    models: dict[str, Hydrodynamics] = {"networks": ensemble, "coefficients": CoefficientHydrodynamics()}
+    named = {name: SurrogateHydrodynamics(name) for name in NAMED}
+    models: dict[str, Hydrodynamics] = {"networks": ensemble, **named, "coefficients": CoefficientHydrodynamics()}
     chosen = UNSEEN[:1] if quick else (*TRAINING, *UNSEEN)
     references = load_runs(CFD_RUNS / f"{s.file_stem}.nc" for s in chosen)
     setting = setting_named(DEFAULT_SETTING)
@@ -143,6 +146,7 @@ def main(quick: bool = False) -> dict[str, Any]:
         "wheel_speed": LaneChange().speed, "micro_step": micro_step, "macro_step": macro_step,
         "density": chosen[0].water(vehicle).density,
         "networks": [network.digest() for network in ensemble.networks],
+        "named": {name: [network.digest() for network in model.networks] for name, model in named.items()},
         "runs": rows,
         "dry": {} if quick else dry(vehicle),
         "flow": repeatability(load_dataset(FIGURES / "cfd_lane_change.nc")),

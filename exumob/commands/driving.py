@@ -66,7 +66,11 @@ ModelOption = Annotated[
 ]
 Networks = Annotated[
     list[Path] | None,
-    option(WATER, "File of networks that `exumob train` wrote; several are an ensemble. Default: the shipped ones."),
+    option(
+        WATER,
+        "File of networks that `exumob train` or `learn` wrote; several are an ensemble. paper-lstm: the paper's, "
+        "which come with exumob. Default: the ensemble that comes with it.",
+    ),
 ]
 Members = Annotated[bool, option(WATER, "Drive with each network alone, too: error bars on the path.", "--members")]
 CheckpointFile = Annotated[

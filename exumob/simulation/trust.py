@@ -251,15 +251,18 @@ def _flow(run: RunDescription, soil: str) -> Trust:
 
 def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     """Networks or coefficients, as if the run were like those that were measured."""
-    table, model = measured_errors(), run.hydrodynamics
-    name = "networks" if isinstance(model, SurrogateHydrodynamics) else "coefficients"
-    if isinstance(model, SurrogateHydrodynamics) and (card := card_of(model.networks)) is not None:
-        return _learnt(card, soil)
-    if isinstance(model, SurrogateHydrodynamics) and not _shipped(model):
-        advice = "networks of your own; compare them with runs that they have not learnt."
-        return Trust(name, "not validated", "", soil, advice=advice)
+    table, model, name = measured_errors(), run.hydrodynamics, "coefficients"
+    learnt = isinstance(model, SurrogateHydrodynamics)
+    if isinstance(model, SurrogateHydrodynamics):
+        if (card := card_of(model.networks)) is not None:
+            return _learnt(card, soil)
+        shipped = _shipped(model)
+        if shipped is None:
+            advice = "networks of your own; compare them with runs that they have not learnt."
+            return Trust("networks", "not validated", "", soil, advice=advice)
+        name = shipped
     same, straight = _same_vehicle(run.vehicle), _is_straight(run)
-    rows = [row for row in table["runs"] if name == "coefficients" or not row["taught_networks"]]
+    rows = [row for row in table["runs"] if not (learnt and row["taught_networks"])]
     off = [abs(row[name]["speed" if straight else "end"]) for row in rows]
     mean, worst = float(np.mean(off)), float(np.max(off))
     if straight:
@@ -267,28 +270,27 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     else:
         amount = f"the path ends {_percent(mean)} of its length (at worst {_percent(worst)}) from that with"
     side, near = "", ""
-    if name == "coefficients":
+    if not learnt:
         side = _whither([row[name]["forward"] for row in rows], *(("fast", "slow") if straight else ("far", "short")))
         nearest = _nearest(run.vehicle, water, rows)
         if nearest is not None and same:
             at = nearest[name]
             number = f"{abs(at['speed']):.2g} m/s" if straight else _percent(at["end"])
             near = f"; {number} in {nearest['scenario']}, which is nearest"
-    on = (
-        f"{len(rows)} {'runs' if straight else 'lane changes'}{' that they had not seen' if name == 'networks' else ''}"
-    )
+    on = f"{len(rows)} {'runs' if straight else 'lane changes'}{' that they had not seen' if learnt else ''}"
     which = "this vehicle" if same else f"the {measured_vehicle()} vehicle"
-    taught = [row for row in table["runs"] if row["taught_networks"]] if name == "networks" else []
+    taught = [row for row in table["runs"] if row["taught_networks"]] if learnt else []
     seen = ""
     if taught:
         ends = [abs(row[name]["speed" if straight else "end"]) for row in taught]
         worst_seen = f"{max(ends):.2g} m/s" if straight else _percent(max(ends))
         seen = f"; {len(taught)} that they had seen, {_ranges(taught)}: at worst {worst_seen}"
     error = f"{amount} the flow in the loop{side}{near} ({on}; {which}, {table['soil']}, {_ranges(rows)}{seen})."
+    label = f"networks ({name})" if name in table["named"] else name
     if same:
-        return Trust(name, "measured", error, soil, (), mean, worst, nearest=near)
+        return Trust(label, "measured", error, soil, (), mean, worst, nearest=near)
     advice = f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop. Elsewhere"
-    return Trust(name, "not validated", error, soil, advice=advice)
+    return Trust(label, "not validated", error, soil, advice=advice)
 
 
 def _learnt(card: Mapping[str, Any], soil: str) -> Trust:
@@ -385,11 +387,13 @@ def _departures(
         return
     yield from _step_departures(run.steps.micro_step, run.steps.longest_macro_step, table)
     if isinstance(model, SurrogateHydrodynamics):
-        if len(model.networks) < len(table["networks"]):
-            yield Departure("networks", (float(len(model.networks)),), f"{len(table['networks'])} together")
+        name = _shipped(model) or "networks"
+        together = len(_digests(name))
+        if len(model.networks) < together:
+            yield Departure("networks", (float(len(model.networks)),), f"{together} together")
         if not model.fallback:
             yield Departure("outside their range", ("networks alone",), "the coefficient model takes over")
-        longest = max(row["networks"]["out_of_range"] for row in rows)
+        longest = max(row[name]["out_of_range"] for row in rows)
         if out_of_range is not None and out_of_range > longest + 0.005:
             yield Departure(_RANGE, (100.0 * out_of_range,), f"{100.0 * longest:.2g}", "% of the time")
     elif isinstance(model, CoefficientHydrodynamics) and model.parameters != CoefficientHydrodynamics().parameters:
@@ -547,8 +551,16 @@ def _is_straight(run: RunDescription) -> bool:
     return isinstance(run.maneuver, ConstantSteer) and run.maneuver.angle == 0.0
 
 
-def _shipped(model: SurrogateHydrodynamics) -> bool:
-    return {network.digest() for network in model.networks} <= set(measured_errors()["networks"])
+def _shipped(model: SurrogateHydrodynamics) -> str | None:
+    """Name under which the table holds the errors of networks; None if it does not: they are the user's own."""
+    found = {network.digest() for network in model.networks}
+    return next((name for name in ("networks", *measured_errors()["named"]) if found <= _digests(name)), None)
+
+
+def _digests(name: str) -> set[str]:
+    """Digests of the networks that come with exumob: ``"networks"``, the default ensemble, or those with a name."""
+    table = measured_errors()
+    return set(table["networks"] if name == "networks" else table["named"][name])
 
 
 def _same_vehicle(vehicle: Vehicle) -> bool:

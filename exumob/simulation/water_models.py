@@ -54,8 +54,8 @@ def hydrodynamics_named(
     water : Water or None
         None: dry ground.
     networks : sequence of NetworkSet or path, optional
-        Members of the ensemble, or files of one or several (`exumob.surrogates.ensemble`). Default: the networks that
-        come with exumob.
+        Members of the ensemble, or files of one or several (`exumob.surrogates.ensemble`); ``"paper-lstm"`` stands for
+        the paper's. Default: the ensemble that comes with exumob.
     coefficients : Coefficients, optional
         Coefficients of the coefficient model. Default: the published ones.
 

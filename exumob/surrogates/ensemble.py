@@ -19,8 +19,9 @@ from exumob.surrogates.networks import (
     VERSION,
     NetworkSet,
     _architecture,
-    _check_arrays,
     _checked_about,
+    _checked_arrays,
+    network_file,
     read_arrays,
     write_arrays,
 )
@@ -63,12 +64,17 @@ def save_ensemble(members: Sequence[NetworkSet], file: str | Path, card: dict[st
 def load_members(file: str | Path) -> list[NetworkSet]:
     """Read the members of a file of `save_ensemble`, or the one set of a file of `NetworkSet.save`.
 
+    Parameters
+    ----------
+    file : path
+        A name of `exumob.surrogates.networks.NAMED` stands for the networks that come with exumob under it.
+
     Raises
     ------
     ValueError
         If it is no such file, of another version, incomplete, or damaged; the message names the file.
     """
-    path = Path(file)
+    path = network_file(file)
     header, arrays = read_arrays(path, "a file of networks", "`exumob train` and `exumob learn` make them.")
     if header.get("format") != ENSEMBLE:
         return [NetworkSet.load(path)]
@@ -84,7 +90,7 @@ def load_members(file: str | Path) -> list[NetworkSet]:
     for n, one in enumerate(said):
         own = {name.partition("/")[2]: a for name, a in arrays.items() if name.partition("/")[0] == str(n)}
         architecture = _architecture(one.get("architecture"), path)
-        _check_arrays(architecture, own, path)
+        own = _checked_arrays(architecture, own, path)
         members.append(NetworkSet(architecture, own, _checked_about(one.get("about"), path)))
     return members
 

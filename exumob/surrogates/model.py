@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ from exumob.support.kernels import njit
 from exumob.surrogates.ensemble import load_members
 from exumob.surrogates.inputs import SAMPLING, bed_below, network_inputs, window_rows
 from exumob.surrogates.network_kernels import mean_and_spread
-from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, NetworkSet
+from exumob.surrogates.networks import TRAINED_DENSITY, WEIGHTS, Architecture, NetworkSet
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics
@@ -53,8 +52,8 @@ class SurrogateHydrodynamics:
     Parameters
     ----------
     networks : NetworkSet, path, or a sequence of them, optional
-        Members of an ensemble, or files of one or several (`exumob.surrogates.ensemble`). Default: those that come with
-        exumob (`shipped_networks`).
+        Members of an ensemble, or files of one or several (`exumob.surrogates.ensemble`); ``"paper-lstm"`` stands for
+        the paper's, which come with exumob. Default: the ensemble that comes with it (`shipped_networks`).
     fallback : bool
         True: the coefficient model takes over outside the networks' range. False: the networks alone act.
 
@@ -233,8 +232,7 @@ class SurrogateHydrodynamics:
 
 def shipped_networks() -> list[Path]:
     """Return the files of the shipped networks: for the amphibious vehicle, 40 to 60 % depth, 0 to 1 m/s ahead."""
-    folder = Path(str(resources.files("exumob") / "surrogates" / "weights"))
-    return sorted(folder.glob("*.safetensors"))
+    return sorted(WEIGHTS.glob("*.safetensors"))
 
 
 @njit(cache=True, error_model="numpy")

@@ -10,17 +10,18 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared
-from exumob.support.files import atomic_write, why_no_file
+from exumob.support.files import PACKAGE, atomic_write, why_no_file
 from exumob.support.quantities import Quantity, shown
 from exumob.surrogates.inputs import INPUTS, PAPER_INPUTS, SAMPLING
 from exumob.surrogates.network_kernels import (
@@ -40,6 +41,11 @@ from exumob.vehicle.parameters import Vehicle
 from exumob.water.mesh_file import mesh_digest
 
 FORMAT, VERSION = "exumob networks", 1
+WEIGHTS = PACKAGE / "surrogates" / "weights"
+"""Folder of the networks that come with exumob."""
+NAMED = ("paper-lstm",)
+"""Networks that come with exumob and are asked for by name: the paper's LSTMs (Secs. 3 and 5), one seed, in half
+precision."""
 TRAINED_DENSITY = 1000.0
 """Density of the water to which the wrenches in training are brought [kg/m^3]; they are proportional to it."""
 EDGE = 0.05
@@ -139,28 +145,38 @@ class NetworkSet:
                     "Train networks for this vehicle (`exumob train`), or use the coefficient model or the flow solver."
                 )
 
-    def save(self, file: str | Path) -> Path:
-        """Write the file (.safetensors), whole or not at all; return its path."""
+    def save(self, file: str | Path, half: bool = False) -> Path:
+        """Write the file (.safetensors), whole or not at all; return its path.
+
+        Parameters
+        ----------
+        file : path
+        half : bool
+            Keep the matrices of weights in half precision (11 bits): half as large, and read as single precision.
+        """
         header = {
             "format": FORMAT, "version": VERSION, "architecture": asdict(self.architecture), "about": self.about,
             "input_units": [INPUTS[name].unit for name in self.architecture.inputs], "bodies": BODIES,
             "outputs": WRENCH_COMPONENTS, "output_units": ["N"] * 3 + ["N m"] * 3,
         }  # fmt: skip
         path = Path(file)
-        tensors = {name: np.array(a, order="C") for name, a in self.arrays.items()}
+        matrices = [name for name in self.architecture.shapes() if half and self.arrays[name].ndim == 3]
+        tensors = {
+            name: np.array(a, np.float16 if name in matrices else a.dtype, order="C") for name, a in self.arrays.items()
+        }
         write_arrays(path, header, tensors)
         return path
 
     @classmethod
     def load(cls, file: str | Path) -> NetworkSet:
-        """Read a file written by `save`.
+        """Read a file written by `save`, or networks that come with exumob under a name of `NAMED`.
 
         Raises
         ------
         ValueError
             If it is not such a file, of another version, incomplete, or damaged; the message names the file.
         """
-        path = Path(file)
+        path = network_file(file)
         header, arrays = read_arrays(path, "a file of networks", "`exumob train` makes them.")
         if isinstance(several := header.get("members"), list):
             raise ValueError(
@@ -175,7 +191,7 @@ class NetworkSet:
                 "`exumob train`."
             )
         architecture = _architecture(header.get("architecture"), path)
-        _check_arrays(architecture, arrays, path)
+        arrays = _checked_arrays(architecture, arrays, path)
         return cls(architecture, arrays, _checked_about(header.get("about"), path))
 
     @classmethod
@@ -291,6 +307,11 @@ class NetworkSet:
         return TrainingRange(low, high, np.maximum(high - low, 1e-3 * self.arrays["input_scale"]), inverse, limit)
 
 
+def network_file(file: str | Path) -> Path:
+    """Return the path of a file of networks, or of those that come with exumob under a name of `NAMED`."""
+    return WEIGHTS / "named" / f"{file}.safetensors" if str(file) in NAMED else Path(file)
+
+
 def geometry(vehicle: Vehicle) -> dict[str, Any]:
     """Return the parameters of a vehicle that shape the flow, by name (`GEOMETRY`)."""
     found: dict[str, Any] = {}
@@ -316,12 +337,12 @@ def further_shape(vehicle: Vehicle) -> str | None:
     return f"more boxes, wheel arches or a raked stern {hashlib.sha256(repr(more).encode()).hexdigest()[:16]}"
 
 
-def write_arrays(path: Path, header: dict[str, Any], arrays: dict[str, Single]) -> None:
+def write_arrays(path: Path, header: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write arrays and a JSON header as a safetensors file, with a digest of both, whole or not at all."""
     from safetensors.numpy import save
 
     digest = _file_digest(json.loads(json.dumps(header)), arrays)
-    data = save(arrays, {"exumob": json.dumps(header | {"digest": digest})})
+    data = save(dict(arrays), {"exumob": json.dumps(header | {"digest": digest})})
     with atomic_write(path) as temporary:
         temporary.write_bytes(data)
 
@@ -369,7 +390,7 @@ def read_arrays(path: Path, what: str, remedy: str) -> tuple[dict[str, Any], dic
     return header, arrays
 
 
-def _file_digest(header: dict[str, Any], arrays: dict[str, Single]) -> str:
+def _file_digest(header: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
     """Digest of all that a file of networks holds."""
     found = hashlib.sha256(json.dumps(header, sort_keys=True).encode())
     for name in sorted(arrays):
@@ -408,8 +429,12 @@ def _checked_about(about: Any, path: Path) -> dict[str, Any]:
     return about
 
 
-def _check_arrays(architecture: Architecture, arrays: dict[str, Single], path: Path) -> None:
-    """Refuse arrays that are missing, not finite or of another shape."""
+def _checked_arrays(architecture: Architecture, arrays: dict[str, Single], path: Path) -> dict[str, Single]:
+    """Return arrays in single precision; refuse those that are missing, not finite or of another shape or kind."""
+    weights = architecture.shapes()
+    arrays = {
+        name: a.astype(np.float32) if name in weights and a.dtype == np.float16 else a for name, a in arrays.items()
+    }
     k, n = len(architecture.inputs), len(WRENCH_COMPONENTS)
     shapes: dict[str, tuple[int, ...]] = dict(architecture.shapes())
     shapes |= {name: (k,) for name in ("input_mean", "input_scale", "input_low", "input_high")}
@@ -434,3 +459,4 @@ def _check_arrays(architecture: Architecture, arrays: dict[str, Single], path: P
             raise ValueError(f"{path}: {name} must be > 0 everywhere; train again with `exumob train`.")
     if (arrays["input_low"] > arrays["input_high"]).any():
         raise ValueError(f"{path}: input_low lies above input_high; train again with `exumob train`.")
+    return arrays

@@ -103,6 +103,19 @@ def test_file_round_trip(vehicle, tmp_path):
     assert not list(tmp_path.glob(".*"))
 
 
+@pytest.mark.parametrize("layer", ["lstm", "dense"])
+def test_weights_in_half_precision_lose_bits_and_nothing_else(vehicle, tmp_path, layer):
+    network = made_up(replace(SMALL, layer=layer, width=64), vehicle)
+    files = [network.save(tmp_path / f"{half}.safetensors", half) for half in (False, True)]
+    again = NetworkSet.load(files[1])
+    assert files[1].stat().st_size < 0.75 * files[0].stat().st_size
+    for name, array in network.arrays.items():
+        assert again.arrays[name].dtype == np.float32
+        matrix = name in SMALL.shapes() and array.ndim == 3
+        np.testing.assert_allclose(again.arrays[name], array, rtol=2.0**-11 if matrix else 0.0, atol=1e-7)
+    assert NetworkSet.load(again.save(tmp_path / "again.safetensors", half=True)).digest() == again.digest()
+
+
 def test_foreign_files_are_refused(vehicle, tmp_path, monkeypatch):
     from safetensors.numpy import save_file
 
