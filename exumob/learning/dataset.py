@@ -26,6 +26,7 @@ from exumob.support.arrays import Array
 from exumob.support.dimensions import with_described_names
 from exumob.support.quantities import unusual
 from exumob.support.smoothing import WINDOW, smoothed, window_samples
+from exumob.surrogates.memory import filtered
 from exumob.surrogates.networks import Architecture, geometry
 from exumob.vehicle.motion import BODIES, HISTORY_STEP, WHEELS, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.vehicle.parameters import Vehicle
@@ -407,7 +408,9 @@ def water_of(run: xr.Dataset) -> Water:
     raise ValueError(f"{name}: made without water; there is nothing to learn.")
 
 
-def windows(inputs: NDArray[Any], rows: NDArray[np.intp], architecture: Architecture) -> NDArray[Any]:
+def windows(
+    inputs: NDArray[Any], rows: NDArray[np.intp], architecture: Architecture, past: NDArray[Any] | None = None
+) -> NDArray[Any]:
     """Windows of inputs as a network sees them.
 
     Parameters
@@ -417,14 +420,20 @@ def windows(inputs: NDArray[Any], rows: NDArray[np.intp], architecture: Architec
     rows : array of int, shape (m,)
         Instants at which the windows end; before the beginning of the run its first instant is repeated.
     architecture : Architecture
+    past : array, shape (n, filters, ...), optional
+        The filtered inputs (`exumob.surrogates.memory.filtered`), if they are known already.
 
     Returns
     -------
-    array, shape (m, taps, ...)
-        Oldest first.
+    array, shape (m, window, ...)
+        Filtered inputs, then the instants, oldest first.
     """
     back = architecture.stride * np.arange(architecture.taps - 1, -1, -1)
-    return inputs[np.maximum(rows[:, None] - back, 0)]
+    instants = inputs[np.maximum(rows[:, None] - back, 0)]
+    if not architecture.filters:
+        return instants
+    past = filtered(inputs, architecture.filters, SAMPLING) if past is None else past
+    return np.concatenate([past[rows], instants], axis=1)
 
 
 def usable(run: xr.Dataset) -> NDArray[np.bool_]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,8 @@ from exumob.learning.dataset import base_loads, body_states, load_runs, usable, 
 from exumob.learning.presets import Preset
 from exumob.paper.scenarios import UNSEEN
 from exumob.support.declared import checked
-from exumob.surrogates.inputs import MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs
+from exumob.surrogates.inputs import MIRRORED_BODIES, MIRRORED_LOADS, SAMPLING, mirror_signs, network_inputs
+from exumob.surrogates.memory import filtered
 from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, Single
 from exumob.vehicle.parameters import Vehicle
 
@@ -34,6 +36,13 @@ class Examples:
     """Loads of each run [N, N m], shape (n, 6): smoothed, less the base model's"""
     usable: list[NDArray[np.bool_]]
     """Instants of each run from which the network may learn, shape (n,)"""
+    filters: tuple[float, ...] = ()
+    """Time constants of the filtered inputs [s]"""
+
+    @cached_property
+    def filtered(self) -> list[Single]:
+        """Filtered inputs of each run, shape (n, filters, k)."""
+        return [filtered(x, self.filters, SAMPLING) for x in self.inputs]
 
     def choose(self, runs: Sequence[int], offset: int, thinning: int) -> list[tuple[int, NDArray[np.intp]]]:
         """Choose every `thinning`-th row of some runs, from `offset` on, where it is usable."""
@@ -43,8 +52,9 @@ class Examples:
     def gather(
         self, chosen: Sequence[tuple[int, NDArray[np.intp]]], architecture: Architecture
     ) -> tuple[Single, Single]:
-        """Windows, shape (m, taps, k), and loads, shape (m, 6), of chosen rows."""
-        x = np.concatenate([windows(self.inputs[run], rows, architecture) for run, rows in chosen])
+        """Windows, shape (m, window, k), and loads, shape (m, 6), of chosen rows."""
+        past = self.filtered
+        x = np.concatenate([windows(self.inputs[run], rows, architecture, past[run]) for run, rows in chosen])
         return x, np.concatenate([self.loads[run][rows] for run, rows in chosen])
 
 
@@ -102,7 +112,12 @@ def build_examples(
         loads += [y[:, order] * MIRRORED_LOADS for y in loads]
         good += good
     return names, [
-        Examples([x[:, b].astype(np.float32) for x in inputs], [y[:, b].astype(np.float32) for y in loads], good)
+        Examples(
+            [x[:, b].astype(np.float32) for x in inputs],
+            [y[:, b].astype(np.float32) for y in loads],
+            good,
+            architecture.filters,
+        )
         for b in range(5)
     ]
 

@@ -48,7 +48,7 @@ def export_onnx(networks: NetworkSet, file: str | Path) -> Path:
     architecture = networks.architecture
     graph = _Graph(helper)
     _add_networks(graph, networks)
-    states: list[str | int] = ["n", len(BODIES), architecture.taps, len(architecture.inputs)]
+    states: list[str | int] = ["n", len(BODIES), architecture.window, len(architecture.inputs)]
     loads: list[str | int] = ["n", len(BODIES), len(WRENCH_COMPONENTS)]
     model = helper.make_model(
         helper.make_graph(
@@ -67,6 +67,8 @@ def export_onnx(networks: NetworkSet, file: str | Path) -> Path:
             "inputs": ", ".join(f"{name} [{INPUTS[name].unit}]" for name in architecture.inputs),
             "outputs": ", ".join(WRENCH_COMPONENTS),
             "interval": f"{architecture.stride * SAMPLING:g} s between the taps, the present one last",
+            "filters": ", ".join(f"{tau:g}" for tau in architecture.filters)
+            + " s: time constants of filtered inputs, which stand before the taps" * bool(architecture.filters),
             "base": architecture.base,
             "networks": f"{networks.name}, {networks.digest()}",
         },
@@ -85,7 +87,7 @@ def _add_networks(graph: _Graph, networks: NetworkSet) -> None:
     held = graph("Min", graph("Max", "states", graph.constant(low - edge)), graph.constant(high + edge))
     scaled = graph("Div", graph("Sub", held, graph.constant(mean)), graph.constant(scale))
     x = graph("Transpose", scaled, perm=[1, 2, 0, 3])  # body, tap, instant, input
-    taps = [graph("Gather", x, graph.constant(np.array(n)), axis=1) for n in range(architecture.taps)]
+    taps = [graph("Gather", x, graph.constant(np.array(n)), axis=1) for n in range(architecture.window)]
 
     def layer(given: str, weight: str, bias: str) -> str:
         return graph("Add", graph("MatMul", given, graph.constant(a[weight].mT)), graph.constant(a[bias][:, None]))

@@ -62,7 +62,10 @@ PRESETS = {
             "residual", Architecture(RICH_INPUTS, 1, 1, "dense", 64, 32, base="coefficients"), mirror=True, noise=0.05
         ),
         Preset(
-            "memory", Architecture(RICH_INPUTS, 5, 250, "dense", 64, 32, base="coefficients"), mirror=True, noise=0.05
+            "memory",
+            Architecture(RICH_INPUTS, 1, 1, "dense", 64, 32, base="coefficients", filters=(0.1, 0.3, 1.0, 2.5)),
+            mirror=True,
+            noise=0.05,
         ),
     )
 }

@@ -22,6 +22,7 @@ from exumob.support.declared import checked
 from exumob.support.kernels import njit
 from exumob.surrogates.ensemble import load_members
 from exumob.surrogates.inputs import SAMPLING, bed_below, network_inputs, window_rows
+from exumob.surrogates.memory import InputMemory
 from exumob.surrogates.network_kernels import mean_and_spread
 from exumob.surrogates.networks import TRAINED_DENSITY, WEIGHTS, Architecture, NetworkSet
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
@@ -101,6 +102,7 @@ class SurrogateHydrodynamics:
         self._excess: list[Array] = []
         self._fallback: list[Array] = []
         self._relaxed, self._last_learnt = macro_step > RELAXED_STEP, None
+        self._memories = [InputMemory(group.architecture.filters) for group, _ in self._groups]
         if water is None:
             return
         self._around = water.over(self._bed)
@@ -158,10 +160,13 @@ class SurrogateHydrodynamics:
         at_rest = still or math.hypot(*history.velocity[-1, 0, :2]) < MOVING_SPEED
         members, excess = np.empty((len(self.networks), 5, 6)), np.empty((len(self.networks), 5, 2))
         first = 0
-        for networks, count in self._groups:
+        for (networks, count), memory in zip(self._groups, self._memories, strict=True):
             group, architecture = slice(first, first + count), networks.architecture
             rows = window_rows(history.time, architecture.taps, architecture.stride)
             window = network_inputs(history, self._around, architecture.inputs, rows, still=still).transpose(1, 0, 2)
+            if architecture.filters:
+                past = memory.filtered(float(history.time[-1]), window[:, -1], still).transpose(1, 0, 2)
+                window = np.concatenate([past, window], axis=1)
             loads = networks.wrenches(window).reshape(count, 5, 6) * (water.density / TRAINED_DENSITY)
             if architecture.base == "coefficients":
                 assert base is not None
@@ -175,8 +180,9 @@ class SurrogateHydrodynamics:
         return members, mean_and_spread(excess)[0]
 
     def save(self, histories: bool = True) -> dict[str, Any]:
-        """Return the coefficient model's state and the record, or its length only."""
+        """Return the coefficient model's state, what the networks remember, and the record, or its length only."""
         saved: dict[str, Any] = {"count": len(self._times), "last_learnt": self._last_learnt}
+        saved["memories"] = [memory.save() for memory in self._memories]
         if self._water is not None and self._coefficients is not None:
             saved["coefficients"] = self._coefficients.save(histories)
         if histories:
@@ -191,6 +197,8 @@ class SurrogateHydrodynamics:
         if self._water is not None and self._coefficients is not None:
             self._coefficients.restore(saved["coefficients"])
         self._last_learnt = None if saved["last_learnt"] is None else np.array(saved["last_learnt"])
+        for memory, kept in zip(self._memories, saved["memories"], strict=True):
+            memory.restore(kept)
         if "times" in saved:
             self._times = [float(t) for t in saved["times"]]
             self._spread, self._excess = list(saved["spread"]), list(saved["excess"])

@@ -80,6 +80,8 @@ class Architecture(Declared):
     """Degree of the polynomial"""
     base: Literal["none", "coefficients"] = "none"
     """Model to whose wrenches those of the network are added"""
+    filters: tuple[Annotated[float, Quantity("s", at_least=1e-3, at_most=1e3)], ...] = ()
+    """Time constants of the filtered inputs (`exumob.surrogates.memory`) that a dense layer sees before the instants"""
 
     def _check(self) -> None:
         unknown = [name for name in self.inputs if name not in INPUTS]
@@ -92,18 +94,28 @@ class Architecture(Declared):
             raise ValueError(f"Architecture.degree = {self.degree} makes {terms} terms; give a lower one.")
         if self.layer == "polynomial" and self.taps != 1:
             raise ValueError(f"Architecture.taps = {self.taps}: a polynomial is quasi-steady; use 1.")
+        if self.layer != "dense" and self.filters:
+            raise ValueError(
+                f"Architecture.filters = {self.filters}: filtered inputs have no place in a layer {self.layer!r}; use "
+                "'dense', or leave them out."
+            )
 
     @property
     def memory(self) -> float:
-        """Length of the input window [s]."""
-        return SAMPLING * self.stride * (self.taps - 1)
+        """Length of the input window, or the longest time constant of its filters if that is longer [s]."""
+        return max(SAMPLING * self.stride * (self.taps - 1), *self.filters, 0.0)
+
+    @property
+    def window(self) -> int:
+        """Rows of the input window: filtered inputs, then the instants, the present one last."""
+        return len(self.filters) + self.taps
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the shape of each array of weights of one body, by name."""
         k, h, d, n = len(self.inputs), self.width, self.dense, len(WRENCH_COMPONENTS)
         if self.layer == "polynomial":
             return {"coefficients": (len(exponents(k, self.degree)), n)}
-        first: dict[str, tuple[int, ...]] = {"W": (h, k * self.taps), "b": (h,)}
+        first: dict[str, tuple[int, ...]] = {"W": (h, k * self.window), "b": (h,)}
         if self.layer == "lstm":
             first = {"W": (4 * h, k), "U": (4 * h, h), "b": (4 * h,)}
         return first | {"dense_weight": (d, h), "dense_bias": (d,), "out_weight": (n, d), "out_bias": (n,)}
@@ -210,7 +222,7 @@ class NetworkSet:
         return found.hexdigest()[:16]
 
     def scaled(self, inputs: Array) -> Single:
-        """Return inputs less their mean, over their scale; shape (..., 5, taps, k).
+        """Return inputs less their mean, over their scale; shape (..., 5, window, k).
 
         Inputs outside their training range are first held a little outside it (`EDGE`): networks do not extrapolate.
         """
@@ -231,8 +243,8 @@ class NetworkSet:
 
         Parameters
         ----------
-        inputs : array, shape (5, taps, k)
-            Input windows, oldest instant first, unscaled.
+        inputs : array, shape (5, window, k)
+            Input windows, unscaled: filtered inputs if there are any, then the instants, oldest first.
 
         Returns
         -------
@@ -268,7 +280,7 @@ class NetworkSet:
         )  # fmt: skip
 
     def batch_wrenches(self, inputs: Array, batch: int = 2048) -> Array:
-        """Return `wrenches` for n instants at once, by matrix products; shape (n, 5, taps, k) -> (n, 5, 6)."""
+        """Return `wrenches` for n instants at once, by matrix products; shape (n, 5, window, k) -> (n, 5, 6)."""
         layer, degree = self.architecture.layer, self.architecture.degree
         out = []
         for i in range(0, len(inputs), batch):
@@ -402,11 +414,13 @@ def _file_digest(header: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> 
 def _architecture(given: Any, path: Path) -> Architecture:
     """Architecture of a file, its kinds and bounds checked."""
     known = {field.name for field in fields(Architecture)}
+    if isinstance(given, dict):
+        given = {"filters": ()} | given  # files made before have none
     if not isinstance(given, dict) or set(given) != known:
         wrong = sorted(set(given) ^ known) if isinstance(given, dict) else shown(given)
         raise ValueError(f"{path}: its architecture has {wrong} too many or too few; train again with `exumob train`.")
     try:
-        return Architecture(**(given | {"inputs": tuple(given["inputs"])}))
+        return Architecture(**(given | {name: tuple(given[name]) for name in ("inputs", "filters")}))
     except (ValueError, TypeError) as error:
         raise ValueError(f"{path}: {error} Train again with `exumob train`.") from None
 

@@ -75,12 +75,13 @@ def test_out_of_range_is_reported_and_falls_back(vehicle, sand):
 
 
 def test_saved_and_restored(vehicle, sand, tmp_path):
-    """A run stopped and resumed has the bits of the single run."""
+    """A run stopped and resumed has the bits of the single run, whatever its networks remember."""
     rich = made_up(replace(SMALL, base="coefficients"), vehicle)
+    late = made_up(replace(SMALL, base="coefficients", taps=1, layer="dense", filters=(0.1, 2.5)), vehicle)
 
     def run(duration, **more):
         return simulate(
-            vehicle, sand, HEAD_CURRENT, lane_change(), SurrogateHydrodynamics([rich, residual(vehicle)]),
+            vehicle, sand, HEAD_CURRENT, lane_change(), SurrogateHydrodynamics([rich, residual(vehicle), late]),
             duration=duration, **STEPS, **more,
         )  # fmt: skip
 
