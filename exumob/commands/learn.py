@@ -122,8 +122,11 @@ def learn_command(  # one argument an option of the command line
                 cell_size = cells_of(car)
             size = CELL_SIZE.check("--cell-size", Unusual(cell_size) if unusual else cell_size)
             _check_numbers(budget, run_time)
+        from exumob.learning.campaign import ABOUT, LearningFolder
+
+        if plan and output is not None and (output / ABOUT).is_file():
+            LearningFolder(output).require_free(car, size)
         if not plan:
-            from exumob.learning.campaign import LearningFolder
             from exumob.learning.learn import learn_from  # noqa: F401  (without torch this is said before anything runs)
 
             assert output is not None

@@ -112,7 +112,12 @@ class LearningFolder:
         return found
 
     def claim(self, vehicle: Vehicle, cell_size: float) -> None:
-        """Take the folder for a vehicle and a size of the cells, or refuse it if it is another's.
+        """Take the folder for a vehicle and a size of the cells, or refuse it if it is another's (`require_free`)."""
+        self.require_free(vehicle, cell_size)
+        self.note(_owner(vehicle, cell_size))
+
+    def require_free(self, vehicle: Vehicle, cell_size: float) -> None:
+        """Refuse a folder that is another vehicle's or of other cells.
 
         As long as it holds neither runs nor checkpoints it is nobody's: a plan that was refused binds to nothing.
 
@@ -121,11 +126,7 @@ class LearningFolder:
         ValueError
             Naming what differs.
         """
-        mine = {
-            "vehicle": json.loads(parameters_json({"vehicle": vehicle}))["vehicle"], "hull": mesh_digest(vehicle.hull),
-            "cell_size": float(cell_size),
-        }  # fmt: skip
-        found = self.about()
+        mine, found = _owner(vehicle, cell_size), self.about()
         if found and (any(self.runs.glob("*.nc")) or any(self.work.glob("*.npz"))):
             differing = _differences(found.get("vehicle"), mine["vehicle"])
             if found.get("hull") != mine["hull"]:
@@ -142,7 +143,6 @@ class LearningFolder:
                     f"{cell_size:g} m; runs on different cells differ by more than networks. Give --cell-size "
                     f"{found.get('cell_size')}, or another folder."
                 )
-        self.note(mine)
 
     def note(self, more: Mapping[str, Any]) -> None:
         """Add to what the folder says of itself."""
@@ -197,6 +197,14 @@ class LearningFolder:
                 "away, so that they are made anew, or accept them (--mixed)."
             )
         return found
+
+
+def _owner(vehicle: Vehicle, cell_size: float) -> dict[str, Any]:
+    """Whose a folder is: the vehicle with its hull's mesh, and the size of the cells."""
+    return {
+        "vehicle": json.loads(parameters_json({"vehicle": vehicle}))["vehicle"], "hull": mesh_digest(vehicle.hull),
+        "cell_size": float(cell_size),
+    }  # fmt: skip
 
 
 def _differences(kept: Any, mine: Any, before: str = "") -> list[str]:

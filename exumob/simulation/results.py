@@ -7,6 +7,8 @@ import logging
 import numpy as np
 import xarray as xr
 
+from exumob.coupling.flow_code import BuiltInFlow
+from exumob.flow.revision import solver_revision
 from exumob.ground.terrain import Terrain
 from exumob.multibody.energy_account import WORK_KINDS
 from exumob.multibody.system import MultibodyVehicle
@@ -202,11 +204,18 @@ def build_dataset(
         "coupling": type(run.coupling).__name__,
         "parameters": parameters_json(run.parts()),
         **wall_times,
+        **_flow_solver(run),
         **_trust(run, dataset, states),
         **({"cause": cause} if cause else {}),
         **mesh_provenance(vehicle.hull),
     }
     return with_described_names(with_verdict(dataset, judge(dataset, vehicle=vehicle)))
+
+
+def _flow_solver(run: RunDescription) -> dict[str, str | float]:
+    """Cells [m] and version of the built-in flow solver, if it is in the loop: runs of two of them are not alike."""
+    code = getattr(run.hydrodynamics, "flow", None)
+    return {"cell_size": code.cell_size, "flow_revision": solver_revision()} if isinstance(code, BuiltInFlow) else {}
 
 
 def _trust(run: RunDescription, dataset: xr.Dataset, states: BodyStates) -> dict[str, str | float]:

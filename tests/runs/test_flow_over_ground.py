@@ -12,6 +12,7 @@ from exumob.coupling.flow_in_loop import CfdHydrodynamics
 from exumob.coupling.spin_up import FlowSpinUp
 from exumob.driving.maneuver import ConstantSteer
 from exumob.flow import FlowSettings
+from exumob.flow.revision import solver_revision
 from exumob.simulation.run import simulate
 from exumob.water.cross_section import CrossSection
 from exumob.water.hydrostatics import hydrostatic_wrench
@@ -40,6 +41,7 @@ def into_the_river(vehicle, sand, tmp_path_factory):
 def test_it_drives_into_deeper_water_and_is_lifted_and_pushed(into_the_river):
     run, _, _ = into_the_river
     assert run.attrs["status"] == "completed"
+    assert run.attrs["cell_size"] == 0.04 and run.attrs["flow_revision"] == solver_revision()
     depth = run["water_depth"].values
     assert depth[-1] > depth[0] + 0.02
     lift = run["water_load"].sel(axis="z").sum("body").values

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 import xarray as xr
 from made_up_learning import ENVELOPE, states_run
+from typer.testing import CliRunner
 
+from exumob.__main__ import app
 from exumob.learning import campaign
 from exumob.learning.campaign import LearningFolder, captive_histories
 from exumob.learning.dataset import check_run
@@ -164,6 +166,15 @@ def test_a_folder_belongs_to_one_vehicle_and_one_size_of_cells(tmp_path):
     (tmp_path / campaign.ABOUT).write_text("{")
     with pytest.raises(ValueError, match="cannot be read"):
         folder.claim(CAR, 0.04)
+
+
+def test_a_plan_looks_whose_the_folder_is(tmp_path):
+    folder = LearningFolder(tmp_path)
+    folder.claim(CAR, 0.05)
+    (folder.runs / "captive_000.nc").touch()
+    answer = CliRunner().invoke(app, ["learn", "--cell-size", "0.04", "--plan", "--output", str(tmp_path)])
+    assert answer.exit_code == 2 and "holds runs on cells of 0.05 m, and --cell-size is 0.04 m" in answer.output
+    assert folder.about()["cell_size"] == 0.05
 
 
 def test_runs_of_two_solvers_are_refused_unless_said_and_runs_of_others_join(short, tmp_path):
