@@ -90,7 +90,7 @@ def dry(vehicle: Vehicle) -> dict[str, Any]:
 
 def repeatability(table: xr.Dataset) -> dict[str, Any]:
     """How far D60/U1 with the flow in the loop ends from itself on other cells, in another window, mirrored."""
-    variants = ["15 mm cells", "window doubled", "mirrored", "macro step 1 ms"]
+    variants = ["15 mm cells", "window doubled", "mirrored", "macro step 2 ms"]
     forward, lateral = (np.abs(table[name].sel(run=["D60/U1", *variants]).values) for name in ("forward", "lateral"))
     off = np.hypot(forward - forward[0], lateral - lateral[0]) / np.hypot(forward[0], lateral[0])
     return {
