@@ -243,8 +243,8 @@ def _flow(run: RunDescription, soil: str) -> Trust:
         advice = f"no run of this vehicle ({run.vehicle.name}) was repeated."
         return Trust("flow in the loop", "not validated", flow_load_error(), soil, advice=advice)
     error = (
-        f"on other cells, in another window and mirrored, {flow['scenario']} ended within {_percent(flow['end'])} of "
-        f"the path; {flow_load_error()}"
+        f"made again ({', '.join(flow['variants'])}), {flow['scenario']} ended within {_percent(flow['end'])} of the "
+        f"path; {flow_load_error()}"
     )
     return Trust("flow in the loop", "measured", error, soil, (), flow["end"], flow["end"])
 
