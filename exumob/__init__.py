@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from exumob.vehicle.point_force import PointForce
     from exumob.vehicle.start_pose import StartPose
     from exumob.vehicle.vehicle_file import load_vehicle
+    from exumob.water.calibrated import CalibratedHydrodynamics
     from exumob.water.coefficients import CoefficientHydrodynamics
     from exumob.water.conditions import Water
     from exumob.water.cross_section import CrossSection
@@ -37,6 +38,7 @@ else:
 
 __all__ = [
     "Box",
+    "CalibratedHydrodynamics",
     "CoefficientHydrodynamics",
     "ConstantSteer",
     "CrossSection",

@@ -43,6 +43,7 @@ class WaterModel(StrEnum):
 
     auto = "auto"
     networks = "networks"
+    calibrated = "calibrated"
     coefficients = "coefficients"
     cfd = "cfd"
     none = "none"
@@ -60,8 +61,9 @@ ModelOption = Annotated[
     WaterModel,
     option(
         WATER,
-        "Model of the water's loads. auto: networks where they fit the vehicle, else coefficients; cfd: the flow "
-        "solver in the loop (half an hour to an hour on 18 mm cells).",
+        "Model of the water's loads. auto: networks where they fit the vehicle, else coefficients; calibrated: "
+        "coefficients and fitted loads of the vehicle's waves; cfd: the flow solver in the loop (half an hour to an "
+        "hour on 18 mm cells).",
     ),
 ]
 Networks = Annotated[

@@ -45,7 +45,7 @@ def map_command(  # one argument an option of the command line
     drift: Annotated[float, option(WATER, "Largest drift to either side over the width [m].")] = 1.0,
     current_direction: CurrentDirection = 180.0,
     hydrodynamics: Annotated[
-        str, option(WATER, "Model of the water's loads: auto, networks or coefficients.")
+        str, option(WATER, "Model of the water's loads: auto, networks, calibrated or coefficients.")
     ] = "auto",
     output: Annotated[Path, option(OUTPUT, "Folder of the map; the same command goes on with it.")] = Path("map"),
     figure: Annotated[Path | None, option(RUN, "Draw the map here (.png, .pdf, .svg).")] = None,

@@ -39,6 +39,7 @@ from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.towing_tank.run import captive_run
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
+from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.mesh_file import mesh_digest, mesh_provenance
 
@@ -55,7 +56,9 @@ TOLD = 0.05
 ABOUT = "learning.json"
 """File of a folder that says whose it is."""
 
-WITHOUT_FLOW = tuple(model.__name__ for model in (CoefficientHydrodynamics, SurrogateHydrodynamics))
+WITHOUT_FLOW = tuple(
+    model.__name__ for model in (CoefficientHydrodynamics, CalibratedHydrodynamics, SurrogateHydrodynamics)
+)
 """Models whose loads there is nothing to learn from."""
 
 

@@ -29,6 +29,7 @@ from exumob.surrogates.ensemble import card_of
 from exumob.surrogates.model import SLOPE_RANGE, SurrogateHydrodynamics
 from exumob.surrogates.networks import GEOMETRY, TRAINED_DENSITY, further_shape
 from exumob.vehicle.parameters import Vehicle
+from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics, NoWater
@@ -43,6 +44,10 @@ MOSTLY = 0.25
 """Share of the coefficient model in the loads from which a drive says little of networks [-]."""
 NAMED = 4
 """Number of differences that the line names; it counts the others."""
+_TAUGHT = {
+    "networks": ("that they had not seen", "that they had seen"),
+    "calibrated": ("to which it was not fitted", "to which it was"),
+}
 
 
 @dataclass(frozen=True)
@@ -251,8 +256,8 @@ def _flow(run: RunDescription, soil: str) -> Trust:
 
 def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     """Networks or coefficients, as if the run were like those that were measured."""
-    table, model, name = measured_errors(), run.hydrodynamics, "coefficients"
-    learnt = isinstance(model, SurrogateHydrodynamics)
+    table, model = measured_errors(), run.hydrodynamics
+    name = "calibrated" if isinstance(model, CalibratedHydrodynamics) else "coefficients"
     if isinstance(model, SurrogateHydrodynamics):
         if (card := card_of(model.networks)) is not None:
             return _learnt(card, soil)
@@ -262,7 +267,8 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
             return Trust("networks", "not validated", "", soil, advice=advice)
         name = shipped
     same, straight = _same_vehicle(run.vehicle), _is_straight(run)
-    rows = [row for row in table["runs"] if not (learnt and row["taught_networks"])]
+    fitted = name != "coefficients"
+    rows = [row for row in table["runs"] if not (fitted and row["taught_networks"])]
     off = [abs(row[name]["speed" if straight else "end"]) for row in rows]
     mean, worst = float(np.mean(off)), float(np.max(off))
     if straight:
@@ -270,26 +276,35 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     else:
         amount = f"the path ends {_percent(mean)} of its length (at worst {_percent(worst)}) from that with"
     side, near = "", ""
-    if not learnt:
+    if not isinstance(model, SurrogateHydrodynamics):
         side = _whither([row[name]["forward"] for row in rows], *(("fast", "slow") if straight else ("far", "short")))
         nearest = _nearest(run.vehicle, water, rows)
         if nearest is not None and same:
             at = nearest[name]
             number = f"{abs(at['speed']):.2g} m/s" if straight else _percent(at["end"])
             near = f"; {number} in {nearest['scenario']}, which is nearest"
-    on = f"{len(rows)} {'runs' if straight else 'lane changes'}{' that they had not seen' if learnt else ''}"
+    apart, taught_by = _TAUGHT["calibrated" if name == "calibrated" else "networks"]
+    on = f"{len(rows)} {'runs' if straight else 'lane changes'}{f' {apart}' if fitted else ''}"
     which = "this vehicle" if same else f"the {measured_vehicle()} vehicle"
-    taught = [row for row in table["runs"] if row["taught_networks"]] if learnt else []
+    taught = [row for row in table["runs"] if row["taught_networks"]] if fitted else []
     seen = ""
     if taught:
         ends = [abs(row[name]["speed" if straight else "end"]) for row in taught]
         worst_seen = f"{max(ends):.2g} m/s" if straight else _percent(max(ends))
-        seen = f"; {len(taught)} that they had seen, {_ranges(taught)}: at worst {worst_seen}"
+        seen = f"; {len(taught)} {taught_by}, {_ranges(taught)}: at worst {worst_seen}"
     error = f"{amount} the flow in the loop{side}{near} ({on}; {which}, {table['soil']}, {_ranges(rows)}{seen})."
     label = f"networks ({name})" if name in table["named"] else name
     if same:
         return Trust(label, "measured", error, soil, (), mean, worst, nearest=near)
     advice = f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop. Elsewhere"
+    if name == "calibrated":
+        others = table["calibrated_elsewhere"]
+        advice = (
+            f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop here; lane changes of "
+            f"{len(others['vehicles'])} others to which nothing was fitted ended "
+            f"{_percents(others['end_low'], others['end_high'])} of their path away ({', '.join(others['vehicles'])}). "
+            "Elsewhere"
+        )
     return Trust(label, "not validated", error, soil, advice=advice)
 
 
@@ -396,7 +411,7 @@ def _departures(
         longest = max(row[name]["out_of_range"] for row in rows)
         if out_of_range is not None and out_of_range > longest + 0.005:
             yield Departure(_RANGE, (100.0 * out_of_range,), f"{100.0 * longest:.2g}", "% of the time")
-    elif isinstance(model, CoefficientHydrodynamics) and model.parameters != CoefficientHydrodynamics().parameters:
+    elif isinstance(model, CoefficientHydrodynamics) and model.parameters != type(model)().parameters:
         yield Departure("coefficients", ("of your own",), "the published ones")
 
 

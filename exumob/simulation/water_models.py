@@ -12,6 +12,7 @@ from exumob.support.declared import checked
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
 from exumob.vehicle.parameters import Vehicle
+from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics, NoWater
@@ -22,11 +23,12 @@ logger = logging.getLogger(__name__)
 NAMED_DIFFERENCES = 2
 """Number of differences between a vehicle and the networks' that a message names."""
 
-MODELS = ("auto", "networks", "coefficients", "none")
+MODELS = ("auto", "networks", "calibrated", "coefficients", "none")
 """Names of the models; ``"auto"`` takes networks where they fit the vehicle."""
 DEFAULT_MODEL = "auto"
 NAMES = {
     "SurrogateHydrodynamics": "networks",
+    "CalibratedHydrodynamics": "calibrated",
     "CoefficientHydrodynamics": "coefficients",
     "CfdHydrodynamics": "flow in the loop",
     "NoWater": "no water",
@@ -49,7 +51,8 @@ def hydrodynamics_named(
     ----------
     name : str
         One of `MODELS`. ``"auto"``: the networks if they were trained for this vehicle, else the published
-        coefficients, and a warning says why; on dry ground `NoWater`.
+        coefficients, and a warning says why; on dry ground `NoWater`. ``"calibrated"``: the coefficients with fitted
+        loads of the vehicle's own waves.
     vehicle : Vehicle
     water : Water or None
         None: dry ground.
@@ -70,6 +73,8 @@ def hydrodynamics_named(
         return NoWater()
     if name == "coefficients":
         return CoefficientHydrodynamics(coefficients)
+    if name == "calibrated":
+        return CalibratedHydrodynamics(coefficients)
     model = SurrogateHydrodynamics(list(networks) if networks else None)
     if networks:
         for network in model.networks:

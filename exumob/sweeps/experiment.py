@@ -402,7 +402,8 @@ class Experiment(Declared):
             with contextlib.suppress(ValueError):
                 model = wet.water_model()
                 own = [
-                    run.water_model() if run.hydrodynamics == "coefficients" and run.water else model for run in runs
+                    run.water_model() if run.hydrodynamics in ("coefficients", "calibrated") and run.water else model
+                    for run in runs
                 ]
                 more = trust_of_all([run.description(its) for run, its in zip(runs, own, strict=True)]).attributes()
                 attributes = more if not attributes else {"trust": f"{attributes['trust']} {more['trust']}"}

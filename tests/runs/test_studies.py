@@ -108,6 +108,17 @@ def test_shipped_networks_reproduce_a_training_run():
     assert float(result["final"]) < 2.0 and float(result["yaw"]) < 2.0
 
 
+def test_calibration_study_mends_drag_and_lift():
+    """Three runs are enough to halve the errors of drag and lift on a fourth: D50/U0.5, drag 36 N, lift 48 N."""
+    study = load_study("calibrate_coefficients")
+    result = study.main(quick=True).squeeze("run")
+    flow, published, fitted = (result.sel(model=name) for name in result["model"].values)
+    for name in ("drag", "lift"):
+        assert abs(fitted[name] - flow[name]) < 0.5 * abs(published[name] - flow[name]), name
+    assert float(fitted["final"]) < 0.6 * float(published["final"])
+    assert study.plot(result.expand_dims("run")).axes and "| D50/U0.5 | 36" in study.lines(result.expand_dims("run"))
+
+
 def test_computational_time_study_measures_time_and_error():
     """50 ms instead of 20 ms moves the end by 8 mm of 2.8 m; 12 mm allowed."""
     result = load_study("computational_time").main(quick=True).squeeze()

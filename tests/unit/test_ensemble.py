@@ -17,7 +17,7 @@ from exumob.simulation.trust import card_parameters, trust_of
 from exumob.simulation.water_models import hydrodynamics_named
 from exumob.surrogates.ensemble import card_of, load_members, save_ensemble
 from exumob.surrogates.model import SurrogateHydrodynamics
-from exumob.surrogates.networks import NetworkSet, write_arrays
+from exumob.surrogates.networks import Architecture, NetworkSet, network_file, write_arrays
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 
@@ -40,6 +40,16 @@ CARD = {
 @pytest.fixture
 def file(tmp_path):
     return save_ensemble(MEMBERS, tmp_path / "networks.safetensors", CARD)
+
+
+def test_the_papers_networks_are_there_by_name(tmp_path):
+    """In half precision: 7 MB. A file that is called so is not meant."""
+    (tmp_path / "paper-lstm").touch()
+    (found,) = load_members("paper-lstm")
+    assert (found.about["preset"], found.architecture) == ("paper-lstm", Architecture())
+    assert network_file("paper-lstm").stat().st_size < 8e6
+    with pytest.raises(ValueError, match="is not a file of networks"):
+        load_members(tmp_path / "paper-lstm")
 
 
 def test_members_come_back_as_they_were(file, tmp_path):

@@ -26,10 +26,12 @@ from exumob.simulation.run import simulate
 from exumob.simulation.trust import coefficients_off, shape_differences, trust_of, trust_of_all
 from exumob.support.measured import measured_errors
 from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import NAMED, NetworkSet
 from exumob.sweeps.experiment import amphibious_crossing, amphibious_lane_change
 from exumob.vehicle.point_force import PointForce
 from exumob.vehicle.start_pose import StartPose
 from exumob.vehicle.vehicle_file import load_vehicle
+from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import NoWater
@@ -103,6 +105,32 @@ def test_coefficients_are_far_worse_and_the_nearest_run_is_named():
     assert "44 % in D60/U1, which is nearest" in found.line
     assert "always too far" in found.line
     assert "nearest" not in trust_of(replace(COEFFICIENTS, water=Water.at_ratio(0.6, 3.0))).line
+
+
+def test_calibrated_coefficients_count_on_the_runs_to_which_they_were_not_fitted():
+    run = replace(COEFFICIENTS, hydrodynamics=CalibratedHydrodynamics())
+    off = [row["calibrated"]["end"] for row in measured_errors()["runs"] if not row["taught_networks"]]
+    found = trust_of(run)
+    assert (found.model, found.status) == ("calibrated", "measured")
+    assert (found.mean, found.worst) == (pytest.approx(np.mean(off)), max(off))
+    assert found.mean < 0.5 * trust_of(COEFFICIENTS).mean
+    assert "4 lane changes to which it was not fitted; this vehicle" in found.line
+    assert "9 to which it was, depth ratio 0.4 to 0.6" in found.line
+    other = trust_of(replace(run, vehicle=OTHER))
+    known = measured_errors()["calibrated_elsewhere"]
+    assert other.status == "not validated" and "lane changes of 3 others to which nothing was fitted" in other.line
+    assert f"{100 * known['end_low']:.2g} to {100 * known['end_high']:.2g} % of their path" in other.line
+    own = replace(run, hydrodynamics=CalibratedHydrodynamics(Coefficients(hull_surge_drag=1.0)))
+    assert "coefficients of your own" in trust_of(own).line
+
+
+def test_the_papers_networks_have_errors_of_their_own():
+    """They come with exumob under a name; the default ensemble's figures are not theirs."""
+    found = trust_of(replace(RUN, hydrodynamics=SurrogateHydrodynamics("paper-lstm")), 0.0, 0.0)
+    off = [row["paper-lstm"]["end"] for row in measured_errors()["runs"] if not row["taught_networks"]]
+    assert (found.model, found.status, found.worst) == ("networks (paper-lstm)", "measured", max(off))
+    mixed = SurrogateHydrodynamics(["paper-lstm", *NETWORKS.networks])
+    assert trust_of(replace(RUN, hydrodynamics=mixed)).status == "not validated"
 
 
 @pytest.mark.parametrize("run", [STRAIGHT, replace(COEFFICIENTS, maneuver=ConstantSteer(), steps=STRAIGHT.steps)])
@@ -357,6 +385,7 @@ def test_runs_together_have_the_range_of_all():
 def test_table_is_of_the_shipped_networks_and_the_paper_vehicle():
     table = measured_errors()
     assert table["networks"] == [network.digest() for network in NETWORKS.networks]
+    assert table["named"] == {name: [NetworkSet.load(name).digest()] for name in NAMED}
     assert [row["scenario"] for row in table["runs"]] == [s.name for s in (*TRAINING, *UNSEEN)]
     assert table["vehicle"]["hull"]["length"] == CAR.hull.length
 
@@ -384,7 +413,9 @@ def test_figures_of_other_pages_are_still_those_of_the_table():
     table = measured_errors()
     found = study.validated((ROOT / "docs" / "validation.md").read_text())
     assert {name: table[name] for name in found} == json.loads(json.dumps(found))
-    assert table["flow"] == study.repeatability(load_dataset(ROOT / "studies" / "figures" / "cfd_lane_change.nc"))
+    figures = ROOT / "studies" / "figures"
+    assert table["flow"] == study.repeatability(load_dataset(figures / "cfd_lane_change.nc"))
+    assert table["calibrated_elsewhere"] == study.elsewhere(load_dataset(figures / "calibrate_coefficients.nc"))
     with pytest.raises(ValueError, match="no longer holds"):
         study.validated("nothing")
 
@@ -392,8 +423,10 @@ def test_figures_of_other_pages_are_still_those_of_the_table():
 def test_page_of_the_study_gives_the_figures_of_the_table():
     page = (ROOT / "docs" / "studies" / "measured_errors.md").read_text()
     rows = measured_errors()["runs"]
-    unseen = [row["networks"] for row in rows if not row["taught_networks"]]
-    for found in (unseen, [row["coefficients"] for row in rows]):
+    unseen = [
+        [row[name] for row in rows if not row["taught_networks"]] for name in ("networks", "paper-lstm", "calibrated")
+    ]
+    for found in (*unseen, [row["coefficients"] for row in rows]):
         ends, speeds = ([abs(one[kind]) for one in found] for kind in ("end", "speed"))
         for text in (f"{100 * np.mean(ends):.2g} %", f"{100 * max(ends):.2g} %", f"{np.mean(speeds):.2g} m/s",
                      f"{max(speeds):.2g} m/s"):  # fmt: skip

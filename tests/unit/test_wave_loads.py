@@ -1,0 +1,157 @@
+"""Fitted loads of the vehicle's own waves: similarity, symmetry, limits, their file, and as a model in a run."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exumob.driving.maneuver import lane_change
+from exumob.ground.soil import Soil
+from exumob.ground.terrain import Terrain
+from exumob.simulation.run import simulate
+from exumob.simulation.water_models import hydrodynamics_named
+from exumob.support.errors import SimulationError
+from exumob.support.rotations import about_x, about_y, about_z
+from exumob.water.calibrated import CalibratedHydrodynamics
+from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.conditions import Water
+from exumob.water.wave_loads import (
+    COMPONENTS,
+    FORMS,
+    KINDS,
+    WaveCoefficients,
+    fitted_coefficients,
+    vehicle_lengths,
+    wave_loads,
+)
+from vehicle_models.light_4x4 import light_4x4
+
+WATER = Water(0.12, 0.8, math.pi)
+MIRRORED = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+SWAPPED = [0, 2, 1, 4, 3]
+
+
+def loads(vehicle, water, position, rotation, velocity, spin, lengths=None):
+    return wave_loads(
+        lengths or vehicle_lengths(vehicle), water.density, water.over(), position, rotation, velocity, spin,
+        fitted_coefficients().by_body,
+    )  # fmt: skip
+
+
+def motion(vehicle, scale=1.0):
+    """A vehicle that goes ahead and a little aside, turns, leans and pitches; lengths times a scale."""
+    arms = np.vstack([np.zeros(3), vehicle.wheel_centers - vehicle.hull_origin])
+    turn = about_z(0.2) @ about_y(0.01) @ about_x(-0.02)
+    spin = np.tile([0.02, 0.03, 0.4], (5, 1)) / math.sqrt(scale)
+    position = scale * (np.array([1.0, 2.0, vehicle.hull_origin[2]]) + arms @ turn.T)
+    velocity = math.sqrt(scale) * (np.array([0.9, 0.1, 0.0]) + np.cross([0.02, 0.03, 0.4], arms @ turn.T))
+    rotations = np.array([turn, turn @ about_z(0.3), turn @ about_z(0.3), turn, turn])
+    return position, rotations, velocity, spin
+
+
+def test_they_follow_froudes_law(vehicle):
+    """Three times as large, at the same Froude number: forces 27 times, moments 81 times; to round-off."""
+    small = loads(vehicle, WATER, *motion(vehicle))
+    larger = Water(3.0 * WATER.depth, math.sqrt(3.0) * WATER.current_speed, math.pi)
+    lengths = vehicle_lengths(vehicle)
+    grown = lengths._replace(**{
+        name: 3.0 * getattr(lengths, name) for name in lengths._fields if name != "rear_exposed"
+    })  # fmt: skip
+    large = loads(vehicle, larger, *motion(vehicle, 3.0), grown)
+    np.testing.assert_allclose(large[:, :3], 27.0 * small[:, :3], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(large[:, 3:], 81.0 * small[:, 3:], rtol=1e-9, atol=1e-9)
+    assert np.abs(small[0]).min() > 1e-3  # no load is left out
+
+
+def test_they_are_mirrored_with_the_motion(vehicle):
+    position, rotation, velocity, spin = motion(vehicle)
+    flip = np.array([1.0, -1.0, 1.0])
+    found = loads(
+        vehicle, WATER, (position * flip)[SWAPPED], (flip[:, None] * rotation * flip)[SWAPPED],
+        (velocity * flip)[SWAPPED], (-spin * flip)[SWAPPED],
+    )  # fmt: skip
+    expected = loads(vehicle, WATER, position, rotation, velocity, spin)[SWAPPED] * MIRRORED
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_drag_resists_and_grows_with_the_speed(vehicle):
+    """In reverse it turns round, and so does the trim; the lift stays."""
+    position, _, _, spin = motion(vehicle)
+    level = np.tile(np.eye(3), (5, 1, 1))
+    drags = []
+    for speed in (0.3, 0.8, 1.6, -0.8):
+        velocity = np.tile([speed, 0.0, 0.0], (5, 1))
+        drags.append(loads(vehicle, Water(0.12), position, level, velocity, 0.0 * spin))
+    force = np.array([each[:, 0] for each in drags])
+    assert (force[:3, :3] < 0.0).all() and (np.diff(force[:3], axis=0) < 0.0).all()
+    np.testing.assert_allclose(force[3], -force[1])
+    assert drags[3][0, 2] == drags[1][0, 2] and drags[3][0, 4] == -drags[1][0, 4]
+
+
+def test_at_rest_on_land_and_above_the_water_there_are_none(vehicle):
+    position, rotation, velocity, spin = motion(vehicle)
+    assert not loads(vehicle, Water(0.12), position, rotation, 0.0 * velocity, 0.0 * spin).any()
+    above = position + np.array([0.0, 0.0, 1.0])
+    assert not loads(vehicle, WATER, above, rotation, velocity, spin).any()
+    hill = Water(None, 0.0, level=-0.05)
+    over = hill.over(Terrain())
+    dry = wave_loads(
+        vehicle_lengths(vehicle), 1000.0, over, position, rotation, velocity, spin, fitted_coefficients().by_body
+    )
+    assert not dry.any()
+
+
+def test_rear_wheels_within_the_beam_are_in_the_wake(vehicle):
+    """Those of the amphibious vehicle stand beside its hull, those of a 4x4 in arches of a body that covers them."""
+    assert vehicle_lengths(vehicle).rear_exposed == 1.0 and vehicle_lengths(light_4x4()).rear_exposed == 0.0
+    wider = replace(light_4x4(), track=light_4x4().track + 0.2)  # by 78 mm a side beyond the hull's
+    assert vehicle_lengths(wider).rear_exposed == pytest.approx(0.0775 / wider.wheel.width)
+
+
+def test_file_round_trip(tmp_path):
+    found = fitted_coefficients()
+    found.save(tmp_path / "waves.json")
+    again = WaveCoefficients.load(tmp_path / "waves.json")
+    np.testing.assert_allclose(again.values, found.values, rtol=1e-12)
+    assert again.about == found.about
+    for n, kind in enumerate(KINDS):
+        forms = FORMS["hull" if kind == "hull" else "wheel"]
+        counts = [np.count_nonzero(found.values[n, k]) for k in range(len(COMPONENTS))]
+        assert counts == [len(forms.get(name, ())) for name in COMPONENTS]
+
+
+@pytest.mark.parametrize("ratio", [0.4, 0.6])
+def test_parts_of_a_run_add_up_and_a_restart_has_its_bits(vehicle, sand, tmp_path, ratio):
+    water = Water.at_ratio(ratio, 1.0)
+    given = vehicle, sand, water, lane_change(), "calibrated"
+    steps = {"duration": 0.5, "micro_step": 1e-3, "macro_step": 20e-3}
+    whole = simulate(*given, **steps)
+    assert whole.attrs["hydrodynamics"] == "CalibratedHydrodynamics"
+    assert np.abs(whole["hydrodynamics_wave_load"].sel(body="hull", component="Fx")).max() > 0.5
+
+    def stop(time):
+        if time > 0.3:
+            raise RuntimeError("power cut")
+
+    with pytest.raises(SimulationError):
+        simulate(*given, **steps, checkpoint=tmp_path / "run.npz", progress=stop)
+    resumed = simulate(*given, **steps, checkpoint=tmp_path / "run.npz", resume=True)
+    for name in ("position", "water_wrench", "hydrodynamics_wave_load"):
+        np.testing.assert_array_equal(whole[name], resumed[name])
+
+
+def test_without_coefficients_it_is_the_published_model(vehicle, sand):
+    none = WaveCoefficients(0.0 * fitted_coefficients().values, {})
+    steps = {"duration": 0.3, "micro_step": 1e-3, "macro_step": 20e-3}
+    a, b = (
+        simulate(vehicle, sand, WATER, lane_change(), model, **steps)
+        for model in (CalibratedHydrodynamics(waves=none), CoefficientHydrodynamics())
+    )
+    np.testing.assert_array_equal(a["position"], b["position"])
+
+
+def test_it_is_known_by_name_for_any_vehicle(vehicle):
+    assert isinstance(hydrodynamics_named("calibrated", light_4x4(), WATER), CalibratedHydrodynamics)
+    run = simulate(vehicle, Soil.published("LETE sand"), Water.at_ratio(0.5, 0.5), None, "calibrated", duration=0.1)
+    assert run.attrs["trust_model"] == "calibrated"
