@@ -61,7 +61,7 @@ ModelOption = Annotated[
     WaterModel,
     option(
         WATER,
-        "Model of the water's loads. auto: networks where they fit the vehicle, else coefficients; calibrated: "
+        "Model of the water's loads. auto: networks where they fit the vehicle, else calibrated: published "
         "coefficients and fitted loads of the vehicle's waves; cfd: the flow solver in the loop (half an hour to an "
         "hour on 18 mm cells).",
     ),

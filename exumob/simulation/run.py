@@ -91,7 +91,7 @@ def simulate(  # one argument a part of the run; all but two have defaults
         Default: the paper's lane change.
     hydrodynamics : Hydrodynamics or str
         The model of the water's loads, or its name (`exumob.simulation.water_models.hydrodynamics_named`). The default
-        ``"auto"`` takes the networks that come with exumob where they fit the vehicle, and the published coefficients
+        ``"auto"`` takes the networks that come with exumob where they fit the vehicle, and calibrated coefficients
         elsewhere, with a warning; on dry ground there is none.
     duration : float
         Simulated time [s].

@@ -157,6 +157,15 @@ def coefficients_off() -> str:
     return f"{amount} of its path away{_whither([row['forward'] for row in rows])}"
 
 
+def calibrated_off() -> str:
+    """Say how far lane changes with the calibrated model ended from the flow, of vehicles to which it was not fitted."""
+    others = measured_errors()["calibrated_elsewhere"]
+    return (
+        f"lane changes of {len(others['vehicles'])} others to which nothing was fitted ended "
+        f"{_percents(others['end_low'], others['end_high'])} of their path away ({', '.join(others['vehicles'])})"
+    )
+
+
 def measured_vehicle() -> str:
     """Return the name of the vehicle on which the errors were measured."""
     return str(measured_errors()["vehicle"]["name"])
@@ -298,11 +307,8 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
         return Trust(label, "measured", error, soil, (), mean, worst, nearest=near)
     advice = f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop. Elsewhere"
     if name == "calibrated":
-        others = table["calibrated_elsewhere"]
         advice = (
-            f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop here; lane changes of "
-            f"{len(others['vehicles'])} others to which nothing was fitted ended "
-            f"{_percents(others['end_low'], others['end_high'])} of their path away ({', '.join(others['vehicles'])}). "
+            f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop here; {calibrated_off()}. "
             "Elsewhere"
         )
     return Trust(label, "not validated", error, soil, advice=advice)

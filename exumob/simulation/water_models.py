@@ -7,9 +7,8 @@ import logging
 from collections.abc import Sequence
 from pathlib import Path
 
-from exumob.simulation.trust import coefficients_off, measured_vehicle, shape_differences
+from exumob.simulation.trust import calibrated_off, measured_vehicle, shape_differences
 from exumob.support.declared import checked
-from exumob.support.measured import measured_errors
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
 from exumob.vehicle.parameters import Vehicle
@@ -51,9 +50,9 @@ def hydrodynamics_named(
     Parameters
     ----------
     name : str
-        One of `MODELS`. ``"auto"``: the networks if they were trained for this vehicle, else the published
-        coefficients, and a warning says why; on dry ground `NoWater`. ``"calibrated"``: the coefficients with fitted
-        loads of the vehicle's own waves.
+        One of `MODELS`. ``"auto"``: the networks if they were trained for this vehicle, else ``"calibrated"``, and a
+        warning says why; on dry ground `NoWater`. ``"calibrated"``: published coefficients with fitted loads of the
+        vehicle's own waves; ``"coefficients"``: without these.
     vehicle : Vehicle
     water : Water or None
         None: dry ground.
@@ -96,12 +95,10 @@ def hydrodynamics_named(
             "take 'coefficients' or the flow in the loop."
         )
     _warn_once(
-        f"{vehicle.name}: no networks know this vehicle ({shown}), so the loads of the water come from published "
-        f"coefficients. How far they are off here is not known; the {measured_vehicle()} vehicle, for which that was "
-        f"measured, ended {coefficients_off()}. The model 'calibrated' was nearer to the flow for "
-        f"{len(measured_errors()['calibrated_elsewhere']['vehicles'])} such vehicles, in runs at 50 % depth."
+        f"{vehicle.name}: no networks know this vehicle ({shown}), so the loads of the water come from coefficients that "
+        f"were calibrated on the {measured_vehicle()} vehicle. How far they are off here is not known; {calibrated_off()}."
     )
-    return CoefficientHydrodynamics(coefficients)
+    return CalibratedHydrodynamics(coefficients)
 
 
 @functools.cache

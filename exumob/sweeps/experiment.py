@@ -338,7 +338,7 @@ class Experiment(Declared):
         """Choose the model of the water's loads for all cases, so that none differs from another by its model.
 
         ``"auto"`` becomes ``"networks"`` if those that come with exumob fit the vehicle of every case, and
-        ``"coefficients"`` otherwise, with a warning; where a member of the ensemble is named, networks are asked for.
+        ``"calibrated"`` otherwise, with a warning; where a member of the ensemble is named, networks are asked for.
         """
         names = {name for case in cases for name in case}
         dry = self.water is None and not any(name.startswith("water.") for name in names)
@@ -353,9 +353,9 @@ class Experiment(Declared):
             except ValueError:  # becomes a row
                 continue
             if not isinstance(hydrodynamics_named("auto", changed.vehicle, changed._wet()), SurrogateHydrodynamics):
-                return replace(self, hydrodynamics="coefficients")
+                return replace(self, hydrodynamics="calibrated")
         fits = isinstance(hydrodynamics_named("auto", self.vehicle, self._wet()), SurrogateHydrodynamics)
-        return replace(self, hydrodynamics="networks" if fits else "coefficients")
+        return replace(self, hydrodynamics="networks" if fits else "calibrated")
 
     def description(self, hydrodynamics: Hydrodynamics) -> RunDescription:
         """Describe the run with a model of the water's loads, as its line of trust needs it."""

@@ -5,9 +5,9 @@ stand in the stream that the hull has turned. These loads grow with the square o
 what form they depend on the rest is written down by dimensional analysis. With the local depth h, the draught T of the
 hull's lowest point (negative: it is above the level), Froude's number F = |u| / sqrt(g h), and
 
-    w = clip((T + u^2 / 2 g) / h, 0, 1),   t = clip(T / h, -1, 1),
+    w = clip((T + min(u^2 / 2 g, h)) / h, 0, 1),   t = clip(T / h, 0, 1),
 
-(w: how far the heap reaches up the hull), each load is a sum of a few terms with one dimensionless coefficient each. So
+(w: how far the heap, no higher than the depth, reaches up the hull), each load is a sum of a few terms with one dimensionless coefficient each. So
 the same numbers serve a vehicle of another size at the same Froude number. They are fitted by
 `studies/calibrate_coefficients.py`, which also says how far they carry over to vehicles that they were not fitted to.
 """
@@ -171,8 +171,8 @@ def wave_terms(
         v = motion.lateral - motion.cos * current_y + motion.sin * current_x
         length, beam, turning = lengths.hull_length, lengths.hull_beam, angular_velocity[0, 2] * lengths.hull_length
         draught = level - position[0, 2] + lengths.hull_lowest
-        wet = min(max((draught + square / (2.0 * GRAVITY)) / depth, 0.0), 1.0)
-        t = min(max(draught / depth, -1.0), 1.0)
+        wet = min(max((draught + min(square / (2.0 * GRAVITY), depth)) / depth, 0.0), 1.0)
+        t = min(max(draught / depth, 0.0), 1.0)
         plan, side = half * beam * length * wet, half * length * depth * wet
         for k, strength in (
             (0, half * beam * depth * wet * along), (2, plan * square), (4, plan * length * along),

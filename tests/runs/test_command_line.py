@@ -288,13 +288,13 @@ def test_networks_are_the_default(tmp_path):
 
 
 @pytest.mark.usefixtures("fresh_warnings")
-def test_vehicle_that_the_networks_do_not_know_gets_the_coefficient_model(tmp_path, caplog):
+def test_vehicle_that_the_networks_do_not_know_gets_the_calibrated_model(tmp_path, caplog):
     car = Path(__file__).parents[2] / "vehicle_models" / "light_4x4.py"
     answer = lane_change("--vehicle", car, "--output", tmp_path / "run.nc")
     assert answer.exit_code == 0, answer.output
-    assert "trust                 coefficients, not validated: this vehicle (light 4x4) was never" in answer.output
-    assert re.search("light 4x4: no networks know this vehicle .*trained with.*published coefficients", caplog.text)
-    assert load_dataset(tmp_path / "run.nc").attrs["hydrodynamics"] == "CoefficientHydrodynamics"
+    assert "trust                 calibrated, not validated: this vehicle (light 4x4) was never" in answer.output
+    assert re.search("light 4x4: no networks know this vehicle .*trained with.*coefficients that were calibrated", caplog.text)
+    assert load_dataset(tmp_path / "run.nc").attrs["hydrodynamics"] == "CalibratedHydrodynamics"
 
 
 # -- maps --------------------------------------------------------------------------------------------------------------

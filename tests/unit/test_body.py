@@ -206,4 +206,4 @@ def test_a_sweep_over_the_stern_takes_no_networks_of_another_shape():
     base = amphibious_lane_change()
     assert base.with_one_model([{"hull.mass": 49.0}]).hydrodynamics == "networks"
     cases = [{"hull.stern_length": length, "hull.stern_height": 0.05} for length in (0.0, 0.1)]
-    assert base.with_one_model(cases).hydrodynamics == "coefficients"
+    assert base.with_one_model(cases).hydrodynamics == "calibrated"

@@ -81,7 +81,7 @@ def test_one_model_serves_all_cases(caplog):
     base = amphibious_lane_change()
     assert base.hydrodynamics == "auto"
     assert base.with_one_model([{"soil.n": 0.9}, {"hull.length": 1.0}]).hydrodynamics == "networks"
-    assert base.with_one_model([{"hull.length": 1.0}, {"hull.length": 1.2}]).hydrodynamics == "coefficients"
+    assert base.with_one_model([{"hull.length": 1.0}, {"hull.length": 1.2}]).hydrodynamics == "calibrated"
     assert "hull.length = 1.2" in caplog.text
     chosen = replace(base, hydrodynamics="coefficients")
     assert chosen.with_one_model([{"soil.n": 0.9}]) is chosen

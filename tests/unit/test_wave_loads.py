@@ -92,6 +92,8 @@ def test_drag_resists_and_grows_with_the_speed(vehicle):
 def test_at_rest_on_land_and_above_the_water_there_are_none(vehicle):
     position, rotation, velocity, spin = motion(vehicle)
     assert not loads(vehicle, Water(0.12), position, rotation, 0.0 * velocity, 0.0 * spin).any()
+    thin = Water(0.03, 0.8, math.pi)  # the keel is 78 mm above ground: a heap as high as the water does not reach it
+    assert not loads(vehicle, thin, position, rotation, velocity, spin)[0].any()
     above = position + np.array([0.0, 0.0, 1.0])
     assert not loads(vehicle, WATER, above, rotation, velocity, spin).any()
     hill = Water(None, 0.0, level=-0.05)
