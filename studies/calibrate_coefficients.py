@@ -21,6 +21,7 @@ import numpy as np
 import xarray as xr
 from common import CFD_RUNS, save, study_parser
 from matplotlib.figure import Figure
+from scipy.optimize import lsq_linear
 
 from exumob import Soil, simulate
 from exumob.driving.maneuver import LaneChange
@@ -47,6 +48,7 @@ from exumob.water.wave_loads import (
     FORMS,
     KIND_OF_BODY,
     KINDS,
+    RESISTING,
     TERMS,
     WaveCoefficients,
     terms_along,
@@ -110,15 +112,17 @@ def fit(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> Array:
     for kind, name in enumerate(KINDS):
         bodies = [b for b, k in enumerate(KIND_OF_BODY) if k == kind]
         for k, component in enumerate(COMPONENTS):
-            forms = FORMS["hull" if name == "hull" else "wheel"].get(component, ())
+            forms = FORMS[name].get(component, ())
             if not forms:
                 continue
             a = np.concatenate([every[:, b, k, : len(forms)] for b in bodies])
             y = np.concatenate([lacking[:, b, k] for b in bodies])
             scale = np.sqrt(np.mean(a**2, axis=0))
-            a = a / scale
-            normal = a.T @ a / len(y) + RIDGE * np.eye(len(forms))
-            values[kind, k, : len(forms)] = np.linalg.solve(normal, a.T @ y / len(y)) / scale
+            normal = (a / scale).T @ (a / scale) / len(y) + RIDGE * np.eye(len(forms))
+            upper = np.where(np.arange(len(forms)) < RESISTING.get(component, 0), 0.0, np.inf)
+            root = np.linalg.cholesky(normal).T
+            right = np.linalg.solve(root.T, (a / scale).T @ y / len(y))
+            values[kind, k, : len(forms)] = lsq_linear(root, right, (-np.inf, upper)).x / scale
     return values
 
 

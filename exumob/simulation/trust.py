@@ -158,7 +158,7 @@ def coefficients_off() -> str:
 
 
 def calibrated_off() -> str:
-    """Say how far lane changes with the calibrated model ended from the flow, of vehicles to which it was not fitted."""
+    """Say how far lane changes with the calibrated model ended from the flow, of vehicles that it was not fitted to."""
     others = measured_errors()["calibrated_elsewhere"]
     return (
         f"lane changes of {len(others['vehicles'])} others to which nothing was fitted ended "

@@ -95,8 +95,9 @@ def hydrodynamics_named(
             "take 'coefficients' or the flow in the loop."
         )
     _warn_once(
-        f"{vehicle.name}: no networks know this vehicle ({shown}), so the loads of the water come from coefficients that "
-        f"were calibrated on the {measured_vehicle()} vehicle. How far they are off here is not known; {calibrated_off()}."
+        f"{vehicle.name}: no networks know this vehicle ({shown}), so the loads of the water come from coefficients "
+        f"that were calibrated on the {measured_vehicle()} vehicle. How far they are off here is not known; "
+        f"{calibrated_off()}."
     )
     return CalibratedHydrodynamics(coefficients)
 

@@ -1,15 +1,15 @@
 """Loads of the waves that a vehicle makes in shallow water: what published coefficients lack, fitted to flow runs.
 
 A hull that moves through shallow water heaps it up before its bow, is sucked down or lifted by it, and trims; wheels
-stand in the stream that the hull has turned. These loads grow with the square of the speed through the water u, and in
+stand in the stream that the hull has parted. These loads grow with the square of the speed through the water u, and in
 what form they depend on the rest is written down by dimensional analysis. With the local depth h, the draught T of the
 hull's lowest point (negative: it is above the level), Froude's number F = |u| / sqrt(g h), and
 
     w = clip((T + min(u^2 / 2 g, h)) / h, 0, 1),   t = clip(T / h, 0, 1),
 
-(w: how far the heap, no higher than the depth, reaches up the hull), each load is a sum of a few terms with one dimensionless coefficient each. So
-the same numbers serve a vehicle of another size at the same Froude number. They are fitted by
-`studies/calibrate_coefficients.py`, which also says how far they carry over to vehicles that they were not fitted to.
+(w: how far the heap, no higher than the depth, reaches up the hull), each load is a sum of a few terms with one
+dimensionless coefficient each. So the same numbers serve a vehicle of another size at the same Froude number. They are
+fitted by `studies/calibrate_coefficients.py`, which also says how far they carry over to other vehicles.
 """
 
 from __future__ import annotations
@@ -45,18 +45,27 @@ KIND_OF_BODY = (0, 1, 1, 2, 2)
 """Index of `KINDS` for each body."""
 _EVEN = ("w", "w F", "w F^2", "w t", "w t F")
 _ODD = ("w", "w F", "w t", "turn w", "turn w F")
+_WHEEL = ("1", "F", "T/D")
 FORMS: dict[str, dict[str, tuple[str, ...]]] = {
     "hull": {"Fx": _EVEN[:3], "Fy": _ODD, "Fz": _EVEN, "Mx": _ODD, "My": _EVEN, "Mz": _ODD},
-    "wheel": {name: ("1", "F", "T/D") for name in ("Fx", "Fz", "My")},
-}
+    "front": {
+        "Fx": _WHEEL, "Fy": (*_WHEEL, "aside 1", "aside F"), "Fz": _WHEEL, "Mx": (*_WHEEL, "aside 1", "aside F"),
+        "My": _WHEEL,
+    },
+    "rear": dict.fromkeys(("Fx", "Fy", "Fz", "Mx", "My"), _WHEEL),
+}  # fmt: skip
 """The terms of each load.
 
 Of the hull, with its length L and beam B: Fx over density u |u| / 2 B h; Fz over density u^2 / 2 B L, My the same with
 u |u| and another L; Fy over density / 2 L h |u| v with the speed v to the left, its terms "turn" with u r L for |u| v,
-where r is the yaw rate; Mx as Fy with another L; Mz the same with u v and |u| r L. Of a wheel: over density u |u| / 2
-(Fx, My) or u^2 / 2 (Fz) times its wetted frontal area, and its diameter D (My). With these signs each load turns with u
-as it must. Terms with pitch, roll or heaving were tried and left out: such attitudes were small in the runs, and a
+where r is the yaw rate; Mx as Fy with another L; Mz the same with u v and |u| r L. Of a wheel, immersed by T: over
+density u |u| / 2 (Fx, My) or u^2 / 2 (Fz) times its wetted frontal area, and its diameter D (My); Fy over
+density / 2 D T |u| v, the lift of a disk that is turned to the stream, and Mx the same with the arm from the axle to
+the middle of T; "aside": with u^2 outward for |u| v, as the hull parts the water. With these signs each load turns with
+u as it must. Terms with pitch, roll or heaving were tried and left out: such attitudes were small in the runs, and a
 pitch moment that grows with the pitch made another vehicle dive."""
+RESISTING = {"Fy": 3}
+"""First terms that resist a velocity to the side: their coefficients are not positive."""
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 
@@ -71,7 +80,7 @@ class VehicleLengths(NamedTuple):
     wheel_width: float
     rear_exposed: float
     """Part of the rear wheels' width that stands out from the hull's beam [-]: within it they are in the hull's wake,
-    and have no loads of waves"""
+    and have no drag of waves"""
 
 
 @dataclass(frozen=True)
@@ -92,7 +101,7 @@ class WaveCoefficients:
         """Write them as JSON text."""
         terms: dict[str, dict[str, list[float]]] = {}
         for n, kind in enumerate(KINDS):
-            forms = FORMS["hull" if kind == "hull" else "wheel"]
+            forms = FORMS[kind]
             terms[kind] = {
                 name: [float(f"{v:.5g}") for v in self.values[n, k, : len(forms[name])]]
                 for k, name in enumerate(COMPONENTS) if name in forms
@@ -160,15 +169,25 @@ def wave_terms(
         u = motion.forward - motion.cos * current_x - motion.sin * current_y
         froude = min(abs(u) / math.sqrt(GRAVITY * depth), MOST_FROUDE)
         along, square = u * abs(u), u * u
+        v = motion.lateral - motion.cos * current_y + motion.sin * current_x
         if body > 0:
-            draught = min(max(level - position[body, 2] + 0.5 * lengths.wheel_diameter, 0.0), lengths.wheel_diameter)
+            diameter = lengths.wheel_diameter
+            draught = min(max(level - position[body, 2] + 0.5 * diameter, 0.0), diameter)
             area = half * lengths.wheel_width * draught * (lengths.rear_exposed if body > 2 else 1.0)
-            for k, strength in ((0, along), (2, square), (4, along * lengths.wheel_diameter)):
+            for k, strength in ((0, along), (2, square), (4, along * diameter)):
                 terms[body, k, 0] = area * strength
                 terms[body, k, 1] = area * strength * froude
-                terms[body, k, 2] = area * strength * draught / lengths.wheel_diameter
+                terms[body, k, 2] = area * strength * draught / diameter
+            face = half * diameter * draught
+            for k, arm in ((1, 1.0), (3, 0.5 * (diameter - draught))):
+                terms[body, k, 0] = face * arm * abs(u) * v
+                terms[body, k, 1] = face * arm * froude * abs(u) * v
+                terms[body, k, 2] = face * arm * draught / diameter * abs(u) * v
+                if body < 3:
+                    outward = 1.0 if body == 1 else -1.0
+                    terms[body, k, 3] = face * arm * outward * square
+                    terms[body, k, 4] = face * arm * outward * froude * square
             continue
-        v = motion.lateral - motion.cos * current_y + motion.sin * current_x
         length, beam, turning = lengths.hull_length, lengths.hull_beam, angular_velocity[0, 2] * lengths.hull_length
         draught = level - position[0, 2] + lengths.hull_lowest
         wet = min(max((draught + min(square / (2.0 * GRAVITY), depth)) / depth, 0.0), 1.0)
