@@ -9,6 +9,7 @@ but of another kind is made the declared one (an int a float, a list a tuple, a 
 from __future__ import annotations
 
 import ast
+import contextlib
 import difflib
 import functools
 import inspect
@@ -414,7 +415,9 @@ def _tuple(inner: tuple[Any, ...], quantity: Quantity | None) -> _Kind:
     parts = [_kind_of(part, quantity) for part in inner if part is not Ellipsis]
 
     def fits(value: Any) -> bool:
-        return isinstance(value, list | tuple) or (hasattr(value, "tolist") and getattr(value, "ndim", 0) > 0)
+        with contextlib.suppress(Exception):  # whatever an object's own attributes raise: it is no tuple
+            return isinstance(value, list | tuple) or (hasattr(value, "tolist") and getattr(value, "ndim", 0) > 0)
+        return False
 
     wanted = f"a tuple of {'any number of values' if any_length else f'{len(parts)} values'}"
     if parts:

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.support.arrays import Array
+from exumob.support.declared import checked
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
@@ -20,7 +21,7 @@ class CalibratedHydrodynamics(CoefficientHydrodynamics):
     """Hydrostatics, drag and added mass with published coefficients, and the fitted loads of the vehicle's own waves.
 
     The waves' loads are quasi-steady: they follow the speed at once, while a bow wave takes a second or two to build
-    up. In waves of other vehicles' sizes they hold as far as Froude's law does (`exumob.water.wave_loads`).
+    up. For a vehicle of another size they hold as far as Froude's law does (`exumob.water.wave_loads`).
 
     Parameters
     ----------
@@ -30,6 +31,7 @@ class CalibratedHydrodynamics(CoefficientHydrodynamics):
         Default: those that come with exumob.
     """
 
+    @checked
     def __init__(self, coefficients: Coefficients | None = None, waves: WaveCoefficients | None = None) -> None:
         super().__init__(coefficients)
         self.waves = fitted_coefficients() if waves is None else waves

@@ -92,7 +92,7 @@ def scene(number: int) -> dict[str, Any]:
     if kind < 0.6:
         depth, speed = rng.uniform(0.02, 1.2) * vehicle.wheel.diameter, float(rng.choice([0.0, rng.uniform(0.01, 2.0)]))
         found["water"] = Water(depth, speed, rng.uniform(-math.pi, math.pi), float(rng.choice([1000.0, 1025.0, 800.0])))
-        found["hydrodynamics"] = str(rng.choice(["coefficients", "coefficients", "auto", "none"]))
+        found["hydrodynamics"] = str(rng.choice(["coefficients", "calibrated", "auto", "none"]))
     elif kind < 0.85:
         found["terrain"] = terrain(rng, vehicle.wheel.diameter)
     return found | {

@@ -403,6 +403,7 @@ def function_targets() -> list[Target]:
           verify=_verify_recorded, weight=2),
         f("Recorded, series", exumob.Recorded, {}, inputs=series(), verify=_verify_recorded, weight=2),
         f("CoefficientHydrodynamics", exumob.CoefficientHydrodynamics, {}),
+        f("CalibratedHydrodynamics", exumob.CalibratedHydrodynamics, {}),
         f("Soil.published", exumob.Soil.published, {"name": "LETE sand"}),
         f("Soil.pressure", sand.pressure, {"sinkage": 0.01, "width": 0.1}, verify=lambda p: finite("pressure", p)),
         f("Water.at_ratio", exumob.Water.at_ratio, {"depth_ratio": 0.6}, verify=verify_object,
