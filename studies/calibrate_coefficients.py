@@ -68,6 +68,10 @@ THINNING = 8
 """Interval of the instants that are fitted [ms]."""
 RIDGE = 1e-3
 """Penalty on the coefficients, of terms of size 1 [-]."""
+MODELS = ("coefficients", "calibrated")
+"""The models that are compared with the flow."""
+ERRORS = ("hull_error", "axle_error")
+"""Errors of loads over their deviation [-]: mean of the hull's six, and of the side force of the front axle."""
 LATE = 1.0
 """Time from which on means are taken, times `time_scale`: the wheels have their speed [s]."""
 
@@ -126,6 +130,19 @@ def fit(runs: Mapping[str, xr.Dataset], vehicle: Vehicle) -> Array:
     return values
 
 
+def without_side_forces(waves: WaveCoefficients) -> WaveCoefficients:
+    """The form that was tried blind on two vehicles: wheels have no side forces of waves."""
+    values = waves.values.copy()
+    for name in ("Fy", "Mx"):
+        values[1:, COMPONENTS.index(name)] = 0.0
+    return WaveCoefficients(values, waves.about)
+
+
+def _relative(loads: Array, true: Array) -> float:
+    """Root mean square error over the deviation."""
+    return float(np.sqrt(np.mean((loads - true) ** 2)) / true.std())
+
+
 def compared(
     run: xr.Dataset, vehicle: Vehicle, water: Water, maneuver: LaneChange, waves: WaveCoefficients
 ) -> dict[str, dict[str, float]]:
@@ -135,17 +152,19 @@ def compared(
     true = run["water_wrench_smooth"].values[rows].astype(float)
     base = base_loads(run, vehicle)[rows]
     extra = terms_along(vehicle, water.over(), water.density, body_states(run)[rows])
-    fitted = base + (extra * waves.by_body).sum(axis=-1)
+    first = without_side_forces(waves)
     found = {}
     for name, loads, model in (
         ("flow", true, None), ("coefficients", base, CoefficientHydrodynamics()),
-        ("calibrated", fitted, CalibratedHydrodynamics(waves=waves)),
+        ("calibrated", base + (extra * waves.by_body).sum(axis=-1), CalibratedHydrodynamics(waves=waves)),
+        ("first form", base + (extra * first.by_body).sum(axis=-1), CalibratedHydrodynamics(waves=first)),
     ):  # fmt: skip
         deviation = np.maximum(true.std(axis=0), 1e-9)
         row = {
             "drag": -float(loads[late, :, 0].sum(axis=1).mean()), "lift": float(loads[late, 0, 2].mean()),
             "trim": float(loads[late, 0, 4].mean()),
             "hull_error": float((np.sqrt(np.mean((loads - true) ** 2, axis=0)) / deviation)[0].mean()),
+            "axle_error": _relative(loads[:, 1:3, 1].sum(axis=1), true[:, 1:3, 1].sum(axis=1)),
         }  # fmt: skip
         if model is not None:
             drive = simulate(
@@ -159,8 +178,8 @@ def compared(
 
 def table(found: Mapping[str, Mapping[str, Mapping[str, float]]]) -> xr.Dataset:
     """All figures, by run and model."""
-    models = ("flow", "coefficients", "calibrated")
-    units = {"drag": "N", "lift": "N", "trim": "N m", "hull_error": "1", "final": "%"}
+    models = ("flow", "coefficients", "calibrated", "first form")
+    units = {"drag": "N", "lift": "N", "trim": "N m", "hull_error": "1", "axle_error": "1", "final": "%"}
     return xr.Dataset(
         {
             name: (
@@ -174,20 +193,21 @@ def table(found: Mapping[str, Mapping[str, Mapping[str, float]]]) -> xr.Dataset:
 
 
 def lines(found: xr.Dataset) -> str:
-    """The table as it stands on the page of the study."""
-    rows = [
-        "| run | drag [N] | lift of the hull [N] | trim moment of the hull [N m] | final position off |",
-        "|---" * 5 + "|",
-    ]
+    """The tables as they stand on the page of the study."""
+    loads = ["| run | drag [N] | lift of the hull [N] | trim moment of the hull [N m] |", "|---" * 4 + "|"]
+    errors = ["| run | loads of the hull | side force, front axle | final position | first form |", "|---" * 5 + "|"]
     for run in found["run"].values:
         one = found.sel(run=run)
-
-        def three(name: str, one: xr.Dataset = one) -> str:
-            return "; ".join(f"{v:.3g}" for v in one[name].values)
-
-        ends = "; ".join(f"{v:.1f} %" for v in one["final"].values[1:])
-        rows.append(f"| {run} | {three('drag')} | {three('lift')} | {three('trim')} | {ends} |")
-    return "\n".join(rows)
+        three = [
+            "; ".join(f"{v:.3g}" for v in one[name].sel(model=["flow", *MODELS]).values)
+            for name in ("drag", "lift", "trim")
+        ]
+        loads.append(f"| {run} | {' | '.join(three)} |")
+        two = ["; ".join(f"{v:.2f}" for v in one[name].sel(model=list(MODELS)).values) for name in ERRORS]
+        ends = "; ".join(f"{v:.1f}" for v in one["final"].sel(model=list(MODELS)).values)
+        first = float(one["final"].sel(model="first form"))
+        errors.append(f"| {run} | {' | '.join(two)} | {ends} % | {first:.1f} % |")
+    return "\n".join([*loads, "", *errors])
 
 
 def plot(found: xr.Dataset) -> Figure:
@@ -196,7 +216,7 @@ def plot(found: xr.Dataset) -> Figure:
         figure, panels = plt.subplots(1, 3, figsize=(11.0, 3.4), layout="constrained")
         places = np.arange(found.sizes["run"])
         flow = found.sel(model="flow")
-        for n, model in enumerate(("coefficients", "calibrated")):
+        for n, model in enumerate(MODELS):
             one = found.sel(model=model)
             shares = (one["drag"] / flow["drag"], one["lift"] / flow["lift"], one["final"])
             for axes, values in zip(panels, shares, strict=True):

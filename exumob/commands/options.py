@@ -220,7 +220,7 @@ OPTION_NAMES = {
     "Ford.initial_speed": "--initial-speed",
     "Ford.duration": "--duration",
     "Ford.density": "--density",
-    "hydrodynamics='coefficients'": "--hydrodynamics coefficients",
+    "hydrodynamics='calibrated'": "--hydrodynamics calibrated",
     "hydrodynamics = 'networks'": "--hydrodynamics networks",
 }
 """What errors call a value in Python, and the option that gives it at the command line."""

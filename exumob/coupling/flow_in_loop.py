@@ -116,7 +116,7 @@ class CfdHydrodynamics:
         name = f"the flow in the loop ({type(self.flow).__name__})"
         remedy = (
             "give the flow code a function set_bed (exumob.coupling.flow_code.BedFlowCode), take the built-in solver, "
-            "or hydrodynamics='coefficients'"
+            "or hydrodynamics='calibrated'"
         )
         if water is not None and water.depth is None:
             raise ValueError(

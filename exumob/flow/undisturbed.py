@@ -129,7 +129,7 @@ def require_one_level(water: Water, terrain: Terrain) -> None:
             f"Water.field: its level goes from {levels.min():.4g} to {levels.max():.4g} m over {n_x} by {n_y} points, "
             f"{away:.3g} m from the mean; the flow solver takes one level, and {LEVEL_RANGE * max(depth, 0.0):.3g} m "
             f"({100.0 * LEVEL_RANGE:.0f} % of the greatest depth) are bearable. Cut out the part that is driven on, or "
-            "take hydrodynamics='coefficients'."
+            "take hydrodynamics='calibrated'."
         )
 
 

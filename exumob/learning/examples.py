@@ -36,7 +36,7 @@ class Examples:
     """Loads of each run [N, N m], shape (n, 6): smoothed, less the base model's"""
     usable: list[NDArray[np.bool_]]
     """Instants of each run from which the network may learn, shape (n,)"""
-    filters: tuple[float, ...] = ()
+    filters: tuple[float, ...]
     """Time constants of the filtered inputs [s]"""
 
     @cached_property

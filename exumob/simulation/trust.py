@@ -44,10 +44,6 @@ MOSTLY = 0.25
 """Share of the coefficient model in the loads from which a drive says little of networks [-]."""
 NAMED = 4
 """Number of differences that the line names; it counts the others."""
-_TAUGHT = {
-    "networks": ("that they had not seen", "that they had seen"),
-    "calibrated": ("to which it was not fitted", "to which it was"),
-}
 
 
 @dataclass(frozen=True)
@@ -76,7 +72,8 @@ class Trust:
     """What a result, or a sweep of runs, is worth."""
 
     model: str
-    """What gave the loads of the water: "networks", "coefficients", "flow in the loop", "no water", or a class"""
+    """What gave the loads of the water: "networks", "networks (paper-lstm)", "calibrated", "coefficients", "flow in the
+    loop", "no water", or a class"""
     status: str
     """"measured": runs like this one were compared with the reference; "beyond": they lie beyond what was; "not
     validated": the vehicle or the model is another one"""
@@ -161,8 +158,9 @@ def calibrated_off() -> str:
     """Say how far lane changes with the calibrated model ended from the flow, of vehicles that it was not fitted to."""
     others = measured_errors()["calibrated_elsewhere"]
     return (
-        f"lane changes of {len(others['vehicles'])} others to which nothing was fitted ended "
-        f"{_percents(others['end_low'], others['end_high'])} of their path away ({', '.join(others['vehicles'])})"
+        f"lane changes of {len(others['vehicles'])} vehicles to which nothing was fitted "
+        f"({', '.join(others['vehicles'])}) in one water, {100.0 * others['depth_ratio']:.0f} % depth and a slow head "
+        f"current, ended {_percents(others['end_low'], others['end_high'])} of their path away"
     )
 
 
@@ -276,8 +274,8 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
             return Trust("networks", "not validated", "", soil, advice=advice)
         name = shipped
     same, straight = _same_vehicle(run.vehicle), _is_straight(run)
-    fitted = name != "coefficients"
-    rows = [row for row in table["runs"] if not (fitted and row["taught_networks"])]
+    networks = isinstance(model, SurrogateHydrodynamics)
+    rows = [row for row in table["runs"] if not (networks and row["taught_networks"])]
     off = [abs(row[name]["speed" if straight else "end"]) for row in rows]
     mean, worst = float(np.mean(off)), float(np.max(off))
     if straight:
@@ -285,22 +283,23 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     else:
         amount = f"the path ends {_percent(mean)} of its length (at worst {_percent(worst)}) from that with"
     side, near = "", ""
-    if not isinstance(model, SurrogateHydrodynamics):
+    if not networks:
         side = _whither([row[name]["forward"] for row in rows], *(("fast", "slow") if straight else ("far", "short")))
         nearest = _nearest(run.vehicle, water, rows)
         if nearest is not None and same:
             at = nearest[name]
             number = f"{abs(at['speed']):.2g} m/s" if straight else _percent(at["end"])
             near = f"; {number} in {nearest['scenario']}, which is nearest"
-    apart, taught_by = _TAUGHT["calibrated" if name == "calibrated" else "networks"]
-    on = f"{len(rows)} {'runs' if straight else 'lane changes'}{f' {apart}' if fitted else ''}"
+    on = f"{len(rows)} {'runs' if straight else 'lane changes'}{' that they had not seen' if networks else ''}"
+    taught = [row for row in table["runs"] if row["taught_networks"]]
+    if name == "calibrated":
+        on += f", to {len(taught)} of which it was fitted"
     which = "this vehicle" if same else f"the {measured_vehicle()} vehicle"
-    taught = [row for row in table["runs"] if row["taught_networks"]] if fitted else []
     seen = ""
-    if taught:
+    if networks:
         ends = [abs(row[name]["speed" if straight else "end"]) for row in taught]
         worst_seen = f"{max(ends):.2g} m/s" if straight else _percent(max(ends))
-        seen = f"; {len(taught)} {taught_by}, {_ranges(taught)}: at worst {worst_seen}"
+        seen = f"; {len(taught)} that they had seen, {_ranges(taught)}: at worst {worst_seen}"
     error = f"{amount} the flow in the loop{side}{near} ({on}; {which}, {table['soil']}, {_ranges(rows)}{seen})."
     label = f"networks ({name})" if name in table["named"] else name
     if same:
@@ -308,8 +307,8 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     advice = f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop. Elsewhere"
     if name == "calibrated":
         advice = (
-            f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop here; {calibrated_off()}. "
-            "Elsewhere"
+            f"this vehicle ({run.vehicle.name}) was not compared with the flow in the loop in such a run; "
+            f"{calibrated_off()}. Elsewhere"
         )
     return Trust(label, "not validated", error, soil, advice=advice)
 
@@ -418,7 +417,7 @@ def _departures(
         if out_of_range is not None and out_of_range > longest + 0.005:
             yield Departure(_RANGE, (100.0 * out_of_range,), f"{100.0 * longest:.2g}", "% of the time")
     elif isinstance(model, CoefficientHydrodynamics) and model.parameters != type(model)().parameters:
-        yield Departure("coefficients", ("of your own",), "the published ones")
+        yield Departure("coefficients", ("of your own",), "those that come with exumob")
 
 
 def _common_departures(

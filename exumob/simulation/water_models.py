@@ -92,7 +92,7 @@ def hydrodynamics_named(
         raise ValueError(
             f"hydrodynamics = 'networks': the networks that come with exumob were trained for the {measured_vehicle()} "
             f"vehicle, and {vehicle.name} has another shape ({shown}). Give networks trained for it (exumob train), or "
-            "take 'coefficients' or the flow in the loop."
+            "take 'calibrated' or the flow in the loop."
         )
     _warn_once(
         f"{vehicle.name}: no networks know this vehicle ({shown}), so the loads of the water come from coefficients "

@@ -154,7 +154,7 @@ class NetworkSet:
             if not same:
                 raise ValueError(
                     f"networks ({self.name}): {vehicle.name} has {name} = {found}, they were trained with {trained}. "
-                    "Train networks for this vehicle (`exumob train`), or use the coefficient model or the flow solver."
+                    "Train networks for it (`exumob train`), or take the calibrated coefficients or the flow solver."
                 )
 
     def save(self, file: str | Path, half: bool = False) -> Path:

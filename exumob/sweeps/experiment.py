@@ -38,6 +38,7 @@ from exumob.vehicle.start_pose import AT_ORIGIN, StartPose
 from exumob.water.coefficients import Coefficients
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics
+from exumob.water.wave_loads import fitted_coefficients
 
 T = TypeVar("T")
 MANEUVERS: dict[str, Maneuver] = {
@@ -330,9 +331,13 @@ class Experiment(Declared):
         return len(SurrogateHydrodynamics().networks)
 
     def beyond_its_fields(self) -> dict[str, str]:
-        """Digests of the networks that give the water's loads, for `exumob.support.identity`; empty if none do."""
+        """Digests of networks and fitted coefficients that may give the loads, for `exumob.support.identity`."""
         used = self.hydrodynamics in ("auto", "networks")
-        return {"networks": " ".join(n.digest() for n in SurrogateHydrodynamics().networks) if used else ""}
+        fitted = self.hydrodynamics in ("auto", "calibrated")
+        return {
+            "networks": " ".join(n.digest() for n in SurrogateHydrodynamics().networks) if used else "",
+            "wave_coefficients": fitted_coefficients().digest() if fitted else "",
+        }
 
     def with_one_model(self, cases: Sequence[Mapping[str, Any]] = ()) -> Experiment:
         """Choose the model of the water's loads for all cases, so that none differs from another by its model.

@@ -26,7 +26,7 @@ class CalibratedHydrodynamics(CoefficientHydrodynamics):
     Parameters
     ----------
     coefficients : Coefficients, optional
-        Default: the published values, which the fit was made beside.
+        Default: the published values; the waves' coefficients were fitted with these.
     waves : WaveCoefficients, optional
         Default: those that come with exumob.
     """

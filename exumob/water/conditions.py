@@ -124,7 +124,7 @@ class Water(Declared):
         if self.depth is None:
             raise ValueError(
                 f"Water.{'level' if self.field is None else 'field'}: this needs water of one depth over level ground; "
-                "give Water(depth=...), or take a model that knows water over terrain (hydrodynamics='coefficients')."
+                "give Water(depth=...), or take a model that knows water over terrain (hydrodynamics='calibrated')."
             )
         return self.depth
 

@@ -5,7 +5,7 @@ stand in the stream that the hull has parted. These loads grow with the square o
 what form they depend on the rest is written down by dimensional analysis. With the local depth h, the draught T of the
 hull's lowest point (negative: it is above the level), Froude's number F = |u| / sqrt(g h), and
 
-    w = clip((T + min(u^2 / 2 g, h)) / h, 0, 1),   t = clip(T / h, 0, 1),
+    w = clip((T + min(u^2 / 2 g, h)) / h, 0, 1),   t = clip(T / h, 0, 0.6),
 
 (w: how far the heap, no higher than the depth, reaches up the hull), each load is a sum of a few terms with one
 dimensionless coefficient each. So the same numbers serve a vehicle of another size at the same Froude number. They are
@@ -14,6 +14,7 @@ fitted by `studies/calibrate_coefficients.py`, which also says how far they carr
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from dataclasses import dataclass
@@ -35,8 +36,10 @@ from exumob.water.wetted_surface import body_surfaces
 
 FITTED = PACKAGE / "water" / "wave_loads.json"
 """The coefficients, with the runs to which they were fitted; `studies/calibrate_coefficients.py` writes them."""
-MOST_FROUDE = 2.5
-"""Froude's number beyond which the coefficients change no more [-]: there were no faster runs."""
+MOST_FROUDE, MOST_DRAUGHT = 1.5, 0.6
+"""Froude's number, and draught over depth (of a wheel: over its diameter), beyond which the coefficients change no
+more [-]. The runs to which they were fitted reach 1.3 where the hull is a third of the depth in the water and 1.85 where
+its keel touches it, and three fifths of the wheels; those of the other vehicles three fifths of the depth."""
 TERMS = 5
 """Most terms of a load."""
 KINDS = ("hull", "front", "rear")
@@ -62,8 +65,8 @@ where r is the yaw rate; Mx as Fy with another L; Mz the same with u v and |u| r
 density u |u| / 2 (Fx, My) or u^2 / 2 (Fz) times its wetted frontal area, and its diameter D (My); Fy over
 density / 2 D T |u| v, the lift of a disk that is turned to the stream, and Mx the same with the arm from the axle to
 the middle of T; "aside": with u^2 outward for |u| v, as the hull parts the water. With these signs each load turns with
-u as it must. Terms with pitch, roll or heaving were tried and left out: such attitudes were small in the runs, and a
-pitch moment that grows with the pitch made another vehicle dive."""
+u as it must; in reverse front and rear wheels keep their own. Terms with pitch, roll or heaving were tried and left out:
+such attitudes were small in the runs, and a pitch moment that grows with the pitch made another vehicle dive."""
 RESISTING = {"Fy": 3}
 """First terms that resist a velocity to the side: their coefficients are not positive."""
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
@@ -96,6 +99,10 @@ class WaveCoefficients:
     def by_body(self) -> Array:
         """Coefficients of the five bodies, shape (5, 6, 5)."""
         return self.values[list(KIND_OF_BODY)]
+
+    def digest(self) -> str:
+        """Return a short hash of the coefficients."""
+        return hashlib.sha256(self.values.tobytes()).hexdigest()[:16]
 
     def save(self, file: Path) -> None:
         """Write them as JSON text."""
@@ -156,11 +163,11 @@ def wave_terms(
         Body, component, term [N, N m]: times their coefficients they add up to the loads.
     """
     terms[:] = 0.0
-    depth = local_depth(around, position[0, 0], position[0, 1])
-    if depth <= 0.0:
-        return
     half = 0.5 * density
     for body in range(5):
+        depth = local_depth(around, position[body, 0], position[body, 1])
+        if depth <= 0.0:
+            continue
         turn = rotation[body]
         motion = horizontal_motion(turn, velocity[body])
         level, current_x, current_y, _, _ = local_current(
@@ -173,16 +180,17 @@ def wave_terms(
         if body > 0:
             diameter = lengths.wheel_diameter
             draught = min(max(level - position[body, 2] + 0.5 * diameter, 0.0), diameter)
+            immersed = min(draught / diameter, MOST_DRAUGHT)
             area = half * lengths.wheel_width * draught * (lengths.rear_exposed if body > 2 else 1.0)
             for k, strength in ((0, along), (2, square), (4, along * diameter)):
                 terms[body, k, 0] = area * strength
                 terms[body, k, 1] = area * strength * froude
-                terms[body, k, 2] = area * strength * draught / diameter
+                terms[body, k, 2] = area * strength * immersed
             face = half * diameter * draught
             for k, arm in ((1, 1.0), (3, 0.5 * (diameter - draught))):
                 terms[body, k, 0] = face * arm * abs(u) * v
                 terms[body, k, 1] = face * arm * froude * abs(u) * v
-                terms[body, k, 2] = face * arm * draught / diameter * abs(u) * v
+                terms[body, k, 2] = face * arm * immersed * abs(u) * v
                 if body < 3:
                     outward = 1.0 if body == 1 else -1.0
                     terms[body, k, 3] = face * arm * outward * square
@@ -191,7 +199,7 @@ def wave_terms(
         length, beam, turning = lengths.hull_length, lengths.hull_beam, angular_velocity[0, 2] * lengths.hull_length
         draught = level - position[0, 2] + lengths.hull_lowest
         wet = min(max((draught + min(square / (2.0 * GRAVITY), depth)) / depth, 0.0), 1.0)
-        t = min(max(draught / depth, 0.0), 1.0)
+        t = min(max(draught / depth, 0.0), MOST_DRAUGHT)
         plan, side = half * beam * length * wet, half * length * depth * wet
         for k, strength in (
             (0, half * beam * depth * wet * along), (2, plan * square), (4, plan * length * along),

@@ -25,7 +25,9 @@ from exumob.water.wave_loads import (
     vehicle_lengths,
     wave_loads,
 )
+from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
+from vehicle_models.small_car import small_car
 
 WATER = Water(0.12, 0.8, math.pi)
 MIRRORED = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
@@ -102,6 +104,33 @@ def test_at_rest_on_land_and_above_the_water_there_are_none(vehicle):
         vehicle_lengths(vehicle), 1000.0, over, position, rotation, velocity, spin, fitted_coefficients().by_body
     )
     assert not dry.any()
+
+
+@pytest.mark.parametrize("make", [amphibious_vehicle, light_4x4, small_car], ids=lambda f: f.__name__)
+def test_beyond_the_fitted_runs_they_go_on_as_at_their_edge(make):
+    """In fast and deep water: the load over the square of the speed does not depend on the speed any more, and the lift
+    of the hull is below a twentieth of the stagnation pressure. At a bank each wheel has the depth at its place."""
+    vehicle = make()
+    level = np.tile(np.eye(3), (5, 1, 1))
+    arms = np.vstack([np.zeros(3), vehicle.wheel_centers - vehicle.hull_origin])
+    position = arms + np.array([0.0, 0.0, vehicle.hull_origin[2]])
+    depth = 1.2 * vehicle.wheel.diameter
+    of_speed = []
+    for froude in (1.6, 2.4, 5.0):
+        speed = froude * math.sqrt(9.81 * depth)
+        velocity = np.tile([speed, 0.0, 0.0], (5, 1))
+        of_speed.append(loads(vehicle, Water(depth), position, level, velocity, 0.0 * velocity) / speed**2)
+    np.testing.assert_allclose(of_speed[1:], [of_speed[0]] * 2, rtol=1e-9, atol=1e-12)
+    lengths = vehicle_lengths(vehicle)
+    assert of_speed[0][0, 0] < 0.0
+    assert abs(of_speed[0][0, 2]) < 0.05 * 500.0 * lengths.hull_length * lengths.hull_beam
+    bank = Water(None, level=0.5 * vehicle.wheel.diameter).over(Terrain.slope(-0.2))
+    velocity = np.tile([1.0, 0.0, 0.0], (5, 1))
+    found = wave_loads(
+        lengths, 1000.0, bank, position - [0.4 * vehicle.wheelbase, 0.0, 0.0], level, velocity,
+        0.0 * velocity, fitted_coefficients().by_body,
+    )  # fmt: skip
+    assert np.isfinite(found).all() and (found[1:3, 0] < 0.0).all()
 
 
 def test_rear_wheels_within_the_beam_are_in_the_wake(vehicle):
