@@ -38,8 +38,8 @@ FITTED = PACKAGE / "water" / "wave_loads.json"
 """The coefficients, with the runs to which they were fitted; `studies/calibrate_coefficients.py` writes them."""
 MOST_FROUDE, MOST_DRAUGHT = 1.5, 0.6
 """Froude's number, and draught over depth (of a wheel: over its diameter), beyond which the coefficients change no
-more [-]. The runs to which they were fitted reach 1.3 where the hull is a third of the depth in the water and 1.85 where
-its keel touches it, and three fifths of the wheels; those of the other vehicles three fifths of the depth."""
+more [-]. The runs to which they were fitted reach 1.3 where the hull is a third of the depth in the water and 1.85
+where its keel touches it, and three fifths of the wheels; those of the other vehicles three fifths of the depth."""
 TERMS = 5
 """Most terms of a load."""
 KINDS = ("hull", "front", "rear")
@@ -65,8 +65,8 @@ where r is the yaw rate; Mx as Fy with another L; Mz the same with u v and |u| r
 density u |u| / 2 (Fx, My) or u^2 / 2 (Fz) times its wetted frontal area, and its diameter D (My); Fy over
 density / 2 D T |u| v, the lift of a disk that is turned to the stream, and Mx the same with the arm from the axle to
 the middle of T; "aside": with u^2 outward for |u| v, as the hull parts the water. With these signs each load turns with
-u as it must; in reverse front and rear wheels keep their own. Terms with pitch, roll or heaving were tried and left out:
-such attitudes were small in the runs, and a pitch moment that grows with the pitch made another vehicle dive."""
+u as it must; in reverse front and rear wheels keep their own. Terms with pitch, roll or heaving were tried and left
+out: such attitudes were small in the runs, and a pitch moment that grows with the pitch made another vehicle dive."""
 RESISTING = {"Fy": 3}
 """First terms that resist a velocity to the side: their coefficients are not positive."""
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
