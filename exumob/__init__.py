@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from exumob.simulation.summary import summary
     from exumob.support.errors import SimulationError, SimulationInterrupted
     from exumob.support.quantities import ImplausibleValue, unusual
+    from exumob.surrogates.model import SurrogateHydrodynamics
     from exumob.vehicle.parameters import Box, Hull, Steering, Suspension, Vehicle, Wheel, WheelArches, Wishbones
     from exumob.vehicle.point_force import PointForce
     from exumob.vehicle.start_pose import StartPose
@@ -56,6 +57,7 @@ __all__ = [
     "Soil",
     "StartPose",
     "Steering",
+    "SurrogateHydrodynamics",
     "Suspension",
     "Terrain",
     "Vehicle",

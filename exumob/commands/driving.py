@@ -70,8 +70,8 @@ Networks = Annotated[
     list[Path] | None,
     option(
         WATER,
-        "File of networks that `exumob train` or `learn` wrote; several are an ensemble. paper-lstm: the paper's, "
-        "which come with exumob. Default: the ensemble that comes with it.",
+        "File of networks that `exumob train` or `learn` wrote; several, each after a --networks of its own, are an "
+        "ensemble. paper-lstm: the paper's, which come with exumob. Default: the ensemble that comes with it.",
     ),
 ]
 Members = Annotated[bool, option(WATER, "Drive with each network alone, too: error bars on the path.", "--members")]

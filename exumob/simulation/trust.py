@@ -23,7 +23,7 @@ from exumob.driving.maneuver import ConstantSteer, LaneChange
 from exumob.ground.soil import Soil
 from exumob.simulation.description import RunDescription
 from exumob.simulation.over_water import WaterMet
-from exumob.simulation.settings import DEFAULT_SETTING, setting_named
+from exumob.simulation.settings import DEFAULT_SETTING, setting_named, time_scale
 from exumob.support.measured import flow_load_error, measured_errors
 from exumob.surrogates.ensemble import card_of
 from exumob.surrogates.model import SLOPE_RANGE, SurrogateHydrodynamics
@@ -98,7 +98,7 @@ class Trust:
         where = {
             "measured": ", measured on runs like this one: ",
             "beyond": f", beyond what was measured: {self._beyond}. {self.advice} Where measured, ",
-            "not validated": f", not validated: {self.advice} ",
+            "not validated": f", not validated: {self.advice} {self._untried}",
         }[self.status]  # fmt: skip
         return f"{self.model}{where}{self.error} {self.soil}".replace("  ", " ")
 
@@ -106,6 +106,10 @@ class Trust:
     def _beyond(self) -> str:
         more = len(self.departures) - NAMED
         return "; ".join(map(str, self.departures[:NAMED])) + (f"; and {more} more" if more > 0 else "")
+
+    @property
+    def _untried(self) -> str:
+        return f"Beyond what was tried anywhere: {self._beyond}. " if self.departures else ""
 
     def attributes(self) -> dict[str, str | float]:
         """Return the line and its parts, as kept in results."""
@@ -154,13 +158,13 @@ def coefficients_off() -> str:
     return f"{amount} of its path away{_whither([row['forward'] for row in rows])}"
 
 
-def calibrated_off() -> str:
-    """Say how far lane changes with the calibrated model ended from the flow, of vehicles that it was not fitted to."""
-    others = measured_errors()["calibrated_elsewhere"]
+def elsewhere_off(name: str) -> str:
+    """Say how far lane changes of other vehicles ended from the flow with a model: "calibrated" or "coefficients"."""
+    others = measured_errors()["elsewhere"]
     return (
-        f"lane changes of {len(others['vehicles'])} vehicles to which nothing was fitted "
-        f"({', '.join(others['vehicles'])}) in one water, {100.0 * others['depth_ratio']:.0f} % depth and a slow head "
-        f"current, ended {_percents(others['end_low'], others['end_high'])} of their path away"
+        f"of other vehicles one lane change each was compared ({', '.join(others['vehicles'])}; "
+        f"{100.0 * others['depth_ratio']:.0f} % depth, a head current of {others['current_speed']:g} m/s of the "
+        f"{measured_vehicle()} vehicle by Froude's law): {_percents(*others[name])} of the path away"
     )
 
 
@@ -210,7 +214,9 @@ def _together(cases: Sequence[_Case]) -> Trust:
         advice = "a model of your own, which exumob has compared with nothing."
         return Trust(type(model).__name__, "not validated", "", soil, advice=advice)
     if trust.status == "not validated":
-        return trust
+        if not isinstance(model, CoefficientHydrodynamics):
+            return trust
+        return replace(trust, departures=tuple(_merged(d for case in cases for d in _beyond_froude(case[0], case[3]))))
     if len(cases) > 1 and trust.nearest:  # the nearest run is that of one case only
         trust = replace(trust, error=trust.error.replace(trust.nearest, ""), nearest="")
     departures = _merged(d for case in cases for d in _departures(*case))
@@ -304,11 +310,12 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     label = f"networks ({name})" if name in table["named"] else name
     if same:
         return Trust(label, "measured", error, soil, (), mean, worst, nearest=near)
-    advice = f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop. Elsewhere"
-    if name == "calibrated":
+    if networks:
+        advice = f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop. Elsewhere"
+    else:
         advice = (
-            f"this vehicle ({run.vehicle.name}) was not compared with the flow in the loop in such a run; "
-            f"{calibrated_off()}. Elsewhere"
+            f"this vehicle ({run.vehicle.name}) is not the one that was compared with the flow in the loop; "
+            f"{elsewhere_off(name)}. For the {measured_vehicle()} vehicle"
         )
     return Trust(label, "not validated", error, soil, advice=advice)
 
@@ -418,6 +425,19 @@ def _departures(
             yield Departure(_RANGE, (100.0 * out_of_range,), f"{100.0 * longest:.2g}", "% of the time")
     elif isinstance(model, CoefficientHydrodynamics) and model.parameters != type(model)().parameters:
         yield Departure("coefficients", ("of your own",), "those that come with exumob")
+
+
+def _beyond_froude(run: RunDescription, met: WaterMet | None) -> Iterator[Departure]:
+    """Find in what the water of another vehicle lies beyond that of the measured runs, by Froude's law."""
+    table, scale = measured_errors(), time_scale(run.vehicle)
+    ends = {
+        name: [factor * end(row[name] for row in table["runs"]) for end in (min, max)]
+        for name, factor in (("depth_ratio", 1.0), ("current_speed", scale))
+    }
+    yield from _water_departures(run, ends, table["density"], met)
+    lowest = min(run.maneuver.wheel_speed(time)[0] for time in np.linspace(0.0, run.steps.duration, 50))
+    if lowest < 0.0:
+        yield Departure("reversing", (f"at {-lowest:.3g} rad/s",), "forwards")
 
 
 def _common_departures(

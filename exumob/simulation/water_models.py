@@ -7,7 +7,7 @@ import logging
 from collections.abc import Sequence
 from pathlib import Path
 
-from exumob.simulation.trust import calibrated_off, measured_vehicle, shape_differences
+from exumob.simulation.trust import elsewhere_off, measured_vehicle, shape_differences
 from exumob.support.declared import checked
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
@@ -91,13 +91,13 @@ def hydrodynamics_named(
     if name == "networks":
         raise ValueError(
             f"hydrodynamics = 'networks': the networks that come with exumob were trained for the {measured_vehicle()} "
-            f"vehicle, and {vehicle.name} has another shape ({shown}). Give networks trained for it (exumob train), or "
+            f"vehicle, and {vehicle.name} has another shape ({shown}). Give networks made for it (`exumob learn`), or "
             "take 'calibrated' or the flow in the loop."
         )
     _warn_once(
         f"{vehicle.name}: no networks know this vehicle ({shown}), so the loads of the water come from coefficients "
         f"that were calibrated on the {measured_vehicle()} vehicle. How far they are off here is not known; "
-        f"{calibrated_off()}."
+        f"{elsewhere_off('calibrated')}. `exumob learn` makes networks for a vehicle."
     )
     return CalibratedHydrodynamics(coefficients)
 

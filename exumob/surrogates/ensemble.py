@@ -16,6 +16,7 @@ import numpy as np
 
 from exumob.support.declared import checked
 from exumob.surrogates.networks import (
+    COME_WITH_IT,
     VERSION,
     NetworkSet,
     _architecture,
@@ -75,7 +76,9 @@ def load_members(file: str | Path) -> list[NetworkSet]:
         If it is no such file, of another version, incomplete, or damaged; the message names the file.
     """
     path = network_file(file)
-    header, arrays = read_arrays(path, "a file of networks", "`exumob train` and `exumob learn` make them.")
+    header, arrays = read_arrays(
+        path, "a file of networks", f"`exumob train` and `exumob learn` make them, {COME_WITH_IT}."
+    )
     if header.get("format") != ENSEMBLE:
         return [NetworkSet.load(path)]
     if header.get("version") != VERSION:

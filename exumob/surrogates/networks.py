@@ -46,6 +46,7 @@ WEIGHTS = PACKAGE / "surrogates" / "weights"
 NAMED = ("paper-lstm",)
 """Networks that come with exumob and are asked for by name: the paper's LSTMs (Secs. 3 and 5), one seed, in half
 precision."""
+COME_WITH_IT = f"and {' and '.join(NAMED)} comes with exumob"
 TRAINED_DENSITY = 1000.0
 """Density of the water to which the wrenches in training are brought [kg/m^3]; they are proportional to it."""
 EDGE = 0.05
@@ -154,7 +155,7 @@ class NetworkSet:
             if not same:
                 raise ValueError(
                     f"networks ({self.name}): {vehicle.name} has {name} = {found}, they were trained with {trained}. "
-                    "Train networks for it (`exumob train`), or take the calibrated coefficients or the flow solver."
+                    "Make networks for it (`exumob learn`), or take the calibrated coefficients or the flow solver."
                 )
 
     def save(self, file: str | Path, half: bool = False) -> Path:
@@ -189,7 +190,7 @@ class NetworkSet:
             If it is not such a file, of another version, incomplete, or damaged; the message names the file.
         """
         path = network_file(file)
-        header, arrays = read_arrays(path, "a file of networks", "`exumob train` makes them.")
+        header, arrays = read_arrays(path, "a file of networks", f"`exumob train` makes them, {COME_WITH_IT}.")
         if isinstance(several := header.get("members"), list):
             raise ValueError(
                 f"{path} holds {len(several)} sets of networks (`exumob learn`), and a file of one is wanted; give one "

@@ -320,8 +320,13 @@ class Experiment(Declared):
             If the ensemble has no network with the number `member`, or the networks do not fit the vehicle.
         """
         model = hydrodynamics_named(self.hydrodynamics, self.vehicle, self.water, coefficients=self.coefficients)
-        if self.member is None or not isinstance(model, SurrogateHydrodynamics):
+        if self.member is None or self.water is None:
             return model
+        if not isinstance(model, SurrogateHydrodynamics):
+            raise ValueError(
+                f"{MEMBER} = {self.member} has no effect with hydrodynamics = {self.hydrodynamics!r}; leave it out, or "
+                "choose 'networks'."
+            )
         if not 0 <= self.member < len(model.networks):
             raise ValueError(f"hydrodynamics.member = {self.member}: there are {len(model.networks)}, from 0 on.")
         return SurrogateHydrodynamics(model.networks[self.member])

@@ -292,7 +292,7 @@ def test_vehicle_that_the_networks_do_not_know_gets_the_calibrated_model(tmp_pat
     car = Path(__file__).parents[2] / "vehicle_models" / "light_4x4.py"
     answer = lane_change("--vehicle", car, "--output", tmp_path / "run.nc")
     assert answer.exit_code == 0, answer.output
-    assert "trust                 calibrated, not validated: this vehicle (light 4x4) was not" in answer.output
+    assert "trust                 calibrated, not validated: this vehicle (light 4x4) is not" in answer.output
     assert re.search(
         "light 4x4: no networks know this vehicle .*trained with.*coefficients that were calibrated", caplog.text
     )

@@ -207,11 +207,11 @@ def test_another_vehicle_gets_the_calibrated_model_and_a_warning(vehicle, sand, 
     assert wet.attrs["hydrodynamics"] == "CalibratedHydrodynamics"
     assert "wider: no networks know this vehicle (track = 0.7, they were trained with 0.66)" in caplog.text
     assert "come from coefficients that were calibrated on the amphibious vehicle" in caplog.text
-    assert "lane changes of 3 vehicles to which nothing was fitted (light 4x4, large 4x4, small car)" in caplog.text
-    assert "ended 2.9 to 6.1 % of their path away" in caplog.text
+    assert "one lane change each was compared (light 4x4, large 4x4, small car; 50 % depth" in caplog.text
+    assert "2.9 to 6.1 % of the path away. `exumob learn` makes networks for a vehicle." in caplog.text
     for inside in ("residual", "seed", "exumob train", "or use the coefficient model"):  # no user knows or needs them
         assert inside not in caplog.text
-    assert "this vehicle (wider) was not compared with the flow in the loop in such a run" in wet.attrs["trust"]
+    assert "this vehicle (wider) is not the one that was compared with the flow in the loop" in wet.attrs["trust"]
     with pytest.raises(ValueError, match=r"wider has another shape \(track = 0\.7, they were trained with 0\.66\)"):
         simulate(wider, sand, Water.at_ratio(0.6), hydrodynamics="networks", **STEPS)
 

@@ -118,12 +118,34 @@ def test_calibrated_coefficients_count_on_all_runs_and_say_to_how_many_they_were
         "(13 lane changes, to 9 of which it was fitted; this vehicle, LETE sand, depth ratio 0.4 to 0.6" in found.line
     )
     other = trust_of(replace(run, vehicle=OTHER))
-    known = measured_errors()["calibrated_elsewhere"]
-    assert other.status == "not validated" and "lane changes of 3 vehicles to which nothing was fitted" in other.line
-    assert "in one water, 50 % depth and a slow head current" in other.line
-    assert f"{100 * known['end_low']:.2g} to {100 * known['end_high']:.2g} % of their path" in other.line
+    assert other.status == "not validated" and "this vehicle (light 4x4) is not the one that was compared" in other.line
+    for name, one in (("calibrated", other), ("coefficients", trust_of(replace(COEFFICIENTS, vehicle=OTHER)))):
+        low, high = measured_errors()["elsewhere"][name]
+        assert "one lane change each was compared (light 4x4, large 4x4, small car; 50 % depth, a head" in one.line
+        assert f"by Froude's law): {100 * low:.2g} to {100 * high:.2g} % of the path away." in one.line
     own = replace(run, hydrodynamics=CalibratedHydrodynamics(Coefficients(hull_surge_drag=1.0)))
     assert "coefficients of your own" in trust_of(own).line
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"water": Water.at_ratio(0.9, tyre_diameter=0.72)}, "depth ratio 0.9 (0.4 to 0.6)"),
+        ({"water": Water(0.36, 2.5)}, "current 2.5 m/s (0 to 1.83 m/s)"),
+        ({"water": Water(0.36, 1.5, 0.5 * math.pi)}, "current turned from ahead by 90 deg (0 deg)"),
+        ({"maneuver": ConstantSteer(speed=-5.0)}, "reversing at 5 rad/s (forwards)"),
+        ({"water": Water(0.36, 1.5)}, ""),
+    ],
+)
+def test_for_another_vehicle_the_water_beyond_what_was_tried_is_named(change, text):
+    """Depths over the tyre's diameter, currents by Froude's law: 1 m/s of the paper's vehicle is 1.83 m/s of a 4x4."""
+    run = replace(
+        COEFFICIENTS, vehicle=OTHER, hydrodynamics=CalibratedHydrodynamics(), **{"water": Water(0.36), **change}
+    )
+    found = trust_of(run)
+    assert found.status == "not validated"
+    assert found.attributes()["trust_beyond"] == text
+    assert (f"Beyond what was tried anywhere: {text}." in found.line) == bool(text)
 
 
 def test_the_papers_networks_have_errors_of_their_own():
@@ -307,7 +329,7 @@ def test_another_vehicle_was_not_validated():
     found = trust_of(replace(COEFFICIENTS, vehicle=OTHER))
     assert found.status == "not validated"
     assert math.isnan(found.mean)
-    assert "this vehicle (light 4x4) was never compared with the flow in the loop" in found.line
+    assert "this vehicle (light 4x4) is not the one that was compared with the flow in the loop" in found.line
     assert "the amphibious vehicle, LETE sand" in found.line
     assert "trust_mean_error" not in found.attributes()
     loop = trust_of(replace(RUN, vehicle=OTHER, hydrodynamics=CfdHydrodynamics(cell_size=0.1)))
@@ -417,7 +439,7 @@ def test_figures_of_other_pages_are_still_those_of_the_table():
     assert {name: table[name] for name in found} == json.loads(json.dumps(found))
     figures = ROOT / "studies" / "figures"
     assert table["flow"] == study.repeatability(load_dataset(figures / "cfd_lane_change.nc"))
-    assert table["calibrated_elsewhere"] == study.elsewhere(load_dataset(figures / "calibrate_coefficients.nc"))
+    assert table["elsewhere"] == study.elsewhere(load_dataset(figures / "calibrate_coefficients.nc"))
     with pytest.raises(ValueError, match="no longer holds"):
         study.validated("nothing")
 
