@@ -104,10 +104,10 @@ def repeatability(table: xr.Dataset) -> dict[str, Any]:
 
 
 def elsewhere(table: xr.Dataset) -> dict[str, Any]:
-    """Where models of coefficients end from the flow in the loop for other vehicles: least and largest share [-].
+    """Where coefficients end from the flow in the loop for other vehicles: least and largest share [-].
 
-    Of the calibrated model the worse of two forms counts for each vehicle: the one that it has, and the first one, which
-    was tried blind.
+    Of the calibrated model the worse of two forms counts for each vehicle: the one that it has, and the first one,
+    which was tried blind.
     """
     others = [name for name in table["run"].values if "/" not in name]
     final = 0.01 * table["final"].sel(run=others)
