@@ -3,6 +3,7 @@
 import numpy as np
 
 from exumob.surrogates.networks import Architecture, NetworkSet, geometry
+from exumob.water.wave_loads import fitted_coefficients
 
 SMALL = Architecture(inputs=("forward_flow", "lateral_flow", "yaw_rate"), taps=4, stride=5, width=7, dense=5)
 
@@ -19,11 +20,13 @@ def made_up(architecture, vehicle, seed=0):
         "output_scale": np.full((5, 6), 2.0),
     }  # fmt: skip
     about = {"preset": "made up", "seed": seed, "geometry": geometry(vehicle)}
+    if architecture.base == "coefficients":
+        about["waves"] = fitted_coefficients().values.tolist()
     return NetworkSet(architecture, {n: a.astype(np.float32) for n, a in arrays.items()}, about)
 
 
 def residual(vehicle, loads=0.0, **ranges):
-    """Networks that add constant loads to the coefficient model's."""
+    """Networks that add constant loads to those of the calibrated coefficients."""
     network = made_up(Architecture(SMALL.inputs, 1, 1, "polynomial", degree=1, base="coefficients"), vehicle)
     arrays = network.arrays | {
         "coefficients": np.zeros_like(network.arrays["coefficients"]),

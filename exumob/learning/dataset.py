@@ -30,10 +30,12 @@ from exumob.surrogates.memory import filtered
 from exumob.surrogates.networks import Architecture, geometry
 from exumob.vehicle.motion import BODIES, HISTORY_STEP, WHEELS, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.vehicle.parameters import Vehicle
+from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.flow_states import FLOW_STATES, flow_states
 from exumob.water.mesh_file import mesh_digest
+from exumob.water.wave_loads import WaveCoefficients
 
 SAMPLING = HISTORY_STEP
 """Interval between the samples of a packed run [s]."""
@@ -456,9 +458,19 @@ def usable(run: xr.Dataset) -> NDArray[np.bool_]:
     return good
 
 
-def base_loads(run: xr.Dataset, vehicle: Vehicle) -> Array:
-    """Loads of the coefficient model along a run [N, N m], as in the loop with macro steps of 1 ms; shape (n, 5, 6)."""
-    model, states = CoefficientHydrodynamics(), body_states(run)
+def base_loads(run: xr.Dataset, vehicle: Vehicle, waves: WaveCoefficients | None = None) -> Array:
+    """Loads of the coefficients along a run [N, N m], as in the loop with macro steps of 1 ms; shape (n, 5, 6).
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        Packed or imported.
+    vehicle : Vehicle
+    waves : WaveCoefficients, optional
+        Those of the calibrated model; None: the published coefficients alone.
+    """
+    model = CoefficientHydrodynamics() if waves is None else CalibratedHydrodynamics(waves=waves)
+    states = body_states(run)
     model.start(vehicle, water_of(run), SAMPLING)
 
     def never() -> BodyStates:

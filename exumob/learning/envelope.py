@@ -1,4 +1,5 @@
-"""Ranges within which captive runs move a vehicle, from cheap drives: coefficients for the water, a second each.
+"""Ranges within which captive runs move a vehicle, from cheap drives: a second each with calibrated
+coefficients for the water.
 
 The vehicle drives over three soils of the table, from firm to soft, in shallow and deep water and in currents from all
 sides that are wanted: lane changes, circles, a start and a stop, reversing. What 99 of 100 instants of all drives reach
@@ -87,7 +88,7 @@ def envelope_of(
         try:
             with _quiet():  # how these drives start and end is no matter
                 run: xr.Dataset | None = simulate(
-                    vehicle, Soil.published(soil), water, maneuver, "coefficients",
+                    vehicle, Soil.published(soil), water, maneuver, "calibrated",
                     duration=math.ceil(10.0 * DURATION * time_scale(vehicle)) / 10.0, record_step=RECORD_STEP,
                 )  # fmt: skip
         except SimulationError as error:  # until it sank, say, it drove as vehicles do

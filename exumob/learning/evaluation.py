@@ -23,6 +23,7 @@ from exumob.surrogates.networks import TRAINED_DENSITY, NetworkSet
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.hydrodynamics import Hydrodynamics
+from exumob.water.wave_loads import wave_loads_along
 
 logger = logging.getLogger(__name__)
 
@@ -59,19 +60,20 @@ def predicted_loads(
     rows : array of int
         Instants of the run at which loads are wanted.
     base : array, optional
-        `base_loads` of the whole run, if they are known already.
+        `base_loads` of the published coefficients, of the whole run, if they are known already.
 
     Returns
     -------
     array, shape (len(rows), 5, 6)
         Force [N] and moment [N m], body axes.
     """
-    architecture = network.architecture
-    inputs = network_inputs(body_states(run), water_of(run), architecture.inputs)
+    architecture, states, water = network.architecture, body_states(run), water_of(run)
+    inputs = network_inputs(states, water, architecture.inputs)
     loads = network.batch_wrenches(np.moveaxis(windows(inputs, rows, architecture), 2, 1))
-    loads = loads * (water_of(run).density / TRAINED_DENSITY)
-    if architecture.base == "coefficients":
-        loads = loads + (base_loads(run, vehicle) if base is None else base)[rows]
+    loads = loads * (water.density / TRAINED_DENSITY)
+    if network.waves is not None:
+        loads += (base_loads(run, vehicle) if base is None else base)[rows]
+        loads += wave_loads_along(vehicle, water.over(), water.density, states[rows], network.waves)
     return loads
 
 
@@ -93,7 +95,7 @@ def open_loop(
     """
     members = [networks] if isinstance(networks, NetworkSet) else networks
     rows = np.flatnonzero(usable(run))[::THINNING]
-    if base is None and any(network.architecture.base == "coefficients" for network in members):
+    if base is None and any(network.waves is not None for network in members):
         base = base_loads(run, vehicle)
     loads = np.mean([predicted_loads(network, run, vehicle, rows, base) for network in members], axis=0)
     reference = run["water_wrench_smooth"].values[rows]

@@ -24,6 +24,7 @@ from exumob.surrogates.inputs import MIRRORED_BODIES, MIRRORED_LOADS, SAMPLING, 
 from exumob.surrogates.memory import filtered
 from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, Single
 from exumob.vehicle.parameters import Vehicle
+from exumob.water.wave_loads import fitted_coefficients
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,9 @@ def build_examples(
     inputs = [network_inputs(body_states(runs[n]), water_of(runs[n]), architecture.inputs) for n in names]
     loads = [runs[n]["water_wrench_smooth"].values.astype(float) for n in names]
     if architecture.base == "coefficients":
-        loads = [load - base_loads(runs[n], vehicle) for n, load in zip(names, loads, strict=True)]
+        loads = [
+            load - base_loads(runs[n], vehicle, fitted_coefficients()) for n, load in zip(names, loads, strict=True)
+        ]
     loads = [load * (TRAINED_DENSITY / water_of(runs[n]).density) for n, load in zip(names, loads, strict=True)]
     good = [usable(runs[n]) for n in names]
     if preset.mirror:

@@ -103,11 +103,11 @@ def _verdict(c: CardContents) -> str:
     if c.figures["drives"]:
         ends, others = ([one[name] for one in c.figures["drives"]] for name in ("end", "coefficients_end"))
         known = [end for end in others if end is not None]
-        alone = f", with the published coefficients {100.0 * float(np.mean(known)):.3g} %" if known else ""
+        alone = f", with the calibrated coefficients {100.0 * float(np.mean(known)):.3g} %" if known else ""
         shares = 100.0 * float(np.mean([one["fallback"] for one in c.figures["drives"]]))
         drives = (
             f"Drives end {100.0 * float(np.mean(ends)):.3g} % of the path (at worst {100.0 * max(ends):.3g} %) from "
-            f"those with the flow in the loop{alone}; the coefficient model gave {shares:.0f} % of the loads in them."
+            f"those with the flow in the loop{alone}; the coefficients gave {shares:.0f} % of the loads in them."
         )
     bars = (
         f"{100.0 * c.figures['inside']:.0f} % of the loads lie within two deviations of the ensemble (a trustworthy "
@@ -116,7 +116,7 @@ def _verdict(c: CardContents) -> str:
         else "There are no error bars: these are networks of one seed."
     )
     return (
-        f"On runs that they have not seen the loads are off by {error:.2f} of their deviation, {better} the published "
+        f"On runs that they have not seen the loads are off by {error:.2f} of their deviation, {better} the calibrated "
         f"coefficients alone ({base:.2f}). {drives} {bars} {shortfall(c.figures)}"
     ).rstrip()
 
@@ -174,7 +174,7 @@ def _load_text(c: CardContents) -> str:
     text = (
         "Root mean square error over the standard deviation of the flow's loads in all runs kept apart; below 1 a "
         "model knows more than the mean. Deviations of less than a thousandth of the weight (a moment: times half the "
-        "wheelbase) count as that much. In brackets: the published coefficients alone. Two repetitions of one flow "
+        "wheelbase) count as that much. In brackets: the calibrated coefficients alone. Two repetitions of one flow "
         f"differ by about 0.2. By run (mean): {runs}."
     )
     return f"<p>{html.escape(text)}</p>"
@@ -218,7 +218,7 @@ def _drive_text(c: CardContents) -> str:
         "The vehicle drives on "
         + str(c.figures["soil"])
         + " with the networks (steps of the setting fast) and with the "
-        "published coefficients; its path is compared with that of the run with the flow in the loop, over the length "
+        "calibrated coefficients; its path is compared with that of the run with the flow in the loop, over the length "
         "of that path."
     )
     return f"<p>{html.escape(text)}</p>"
@@ -298,7 +298,7 @@ def unknown(c: CardContents) -> list[str]:
         f"Depths outside {f['depth_ratio'][0]:.2f} to {f['depth_ratio'][1]:.2f} tyre diameters, currents above "
         f"{f['current_speed'][1]:.2f} m/s"
         + {"ahead": " or from any side but ahead", "along": " or from the sides", "all": ""}[f["directions"]]
-        + ": the coefficient model takes over there.",
+        + ": the calibrated coefficients take over there.",
         "Beds that are not level, waves, and water whose depth or current changes in time or along the vehicle.",
         f"Other soils in closed loop: all drives above were on {f['soil']}.",
         "This vehicle with another mass or suspension"

@@ -34,6 +34,7 @@ from exumob.surrogates.networks import NetworkSet, Single, geometry, read_arrays
 from exumob.vehicle.motion import BODIES, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.mesh_file import mesh_digest
+from exumob.water.wave_loads import fitted_coefficients
 
 POLL = 0.2
 """Interval at which progress is reported [s]."""
@@ -155,6 +156,8 @@ def train(
                 "runs": sorted(runs), "held_back": validation_run(runs, seed), "data_hash": data,
                 "geometry": geometry(vehicle), "provenance": provenance() | {"torch_version": torch.__version__},
             }  # fmt: skip
+            if preset.architecture.base == "coefficients":
+                about["waves"] = fitted_coefficients().values.tolist()
             NetworkSet(preset.architecture, arrays, about).save(files[preset.name, seed])
     return files
 
@@ -213,8 +216,9 @@ def _stacked(arrays: Sequence[Single]) -> Single:
 
 
 def _part(parts: Path, preset: Preset, seed: int, body: str, data: str) -> Path:
-    """File of one network; its name holds a digest of the preset and the data that it was made from."""
-    made = hashlib.sha256(json.dumps([asdict(preset), data]).encode()).hexdigest()[:12]
+    """File of one network; its name holds a digest of the preset, the data and the base that it was made from."""
+    base = fitted_coefficients().digest() if preset.architecture.base == "coefficients" else ""
+    made = hashlib.sha256(json.dumps([asdict(preset), data, base]).encode()).hexdigest()[:12]
     return parts / f"{preset.name}_seed{seed}_{body}_{made}.safetensors"
 
 

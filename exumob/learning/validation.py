@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.ground.soil import Soil
-from exumob.learning.dataset import base_loads, usable, water_of
+from exumob.learning.dataset import base_loads, body_states, usable, water_of
 from exumob.learning.evaluation import THINNING, closed_loop, predicted_loads
 from exumob.learning.plan import FreeTask, LearningPlan, maneuver_name
 from exumob.paper.reference_runs import SOIL
@@ -26,8 +26,9 @@ from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
-from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.hydrodynamics import Hydrodynamics
+from exumob.water.wave_loads import fitted_coefficients, wave_loads_along
 
 logger = logging.getLogger(__name__)
 
@@ -35,7 +36,7 @@ DEVIATIONS = tuple(round(0.25 * n, 2) for n in range(1, 17))
 """Widths of error bars that are looked at, in standard deviations of the ensemble [-]."""
 TWO = DEVIATIONS.index(2.0)
 BETTER = 0.95
-"""Error over that of the coefficients from which networks are called no better than they are [-]."""
+"""Error over that of the calibrated coefficients from which networks are called no better than they are [-]."""
 LEAST_LOAD = 1e-3
 """Deviation of a load over the vehicle's weight (a moment: times half the wheelbase) below which an error is taken over
 this much: the dry hull of shallow water has loads of next to nothing, and errors of many times that do nothing [-]."""
@@ -45,7 +46,7 @@ LEAST_PATH = 0.05
 
 @dataclass(frozen=True)
 class Compared:
-    """Loads along one run: of the flow, of the networks with their spread, and of the coefficient model."""
+    """Loads along one run: of the flow, of the networks with their spread, and of the calibrated coefficients."""
 
     time: Array
     """[s], shape (n,)"""
@@ -68,11 +69,15 @@ def compare_loads(members: Sequence[NetworkSet], run: xr.Dataset, vehicle: Vehic
     vehicle : Vehicle
     """
     rows = np.flatnonzero(usable(run))[::THINNING]
-    base = base_loads(run, vehicle)
+    base, waves = base_loads(run, vehicle), fitted_coefficients()
     loads = np.stack([predicted_loads(member, run, vehicle, rows, base) for member in members])
     spread = loads.std(axis=0, ddof=1) if len(members) > 1 else np.zeros(loads.shape[1:])
     flow = run["water_wrench_smooth"].values[rows].astype(float)
-    return Compared(run["time"].values[rows], flow, loads.mean(axis=0), spread, base[rows])
+    water = water_of(run)
+    calibrated: Array = base[rows] + wave_loads_along(
+        vehicle, water.over(), water.density, body_states(run)[rows], waves
+    )
+    return Compared(run["time"].values[rows], flow, loads.mean(axis=0), spread, calibrated)
 
 
 def load_errors(compared: Mapping[str, Compared], vehicle: Vehicle) -> xr.Dataset:
@@ -127,7 +132,7 @@ def load_errors(compared: Mapping[str, Compared], vehicle: Vehicle) -> xr.Datase
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive with networks and one with coefficients, beside the same with the flow in the loop."""
+    """A drive with networks and one with the calibrated coefficients, beside the same with the flow in the loop."""
 
     name: str
     maneuver: str
@@ -142,13 +147,13 @@ class Drive:
     outside: float
     """Share of the time outside the range of the networks [-]"""
     fallback: float
-    """Share of the coefficient model in the loads [-]"""
+    """Share of the calibrated coefficients in the loads [-]"""
     paths: dict[str, Array]
     """Way of the hull from its start, by model [m], shape (2, n)"""
 
 
 def compare_drives(members: Sequence[NetworkSet], plan: LearningPlan, runs: Mapping[str, xr.Dataset]) -> list[Drive]:
-    """Drive the free runs again with networks and with coefficients.
+    """Drive the free runs again with networks and with the calibrated coefficients.
 
     Parameters
     ----------
@@ -168,7 +173,7 @@ def _drive(members: Sequence[NetworkSet], task: FreeTask, vehicle: Vehicle, refe
     paths = {"flow in the loop": _path(reference)}
     length = float(np.hypot(*np.diff(paths["flow in the loop"], axis=1)).sum())
     models: dict[str, Hydrodynamics] = {
-        "networks": SurrogateHydrodynamics(list(members)), "coefficients": CoefficientHydrodynamics()
+        "networks": SurrogateHydrodynamics(list(members)), "coefficients": CalibratedHydrodynamics()
     }  # fmt: skip
     measures: dict[str, dict[str, float] | None] = {}
     shares: dict[str, float] = {}
@@ -199,7 +204,7 @@ def _path(run: xr.Dataset) -> Array:
 
 
 def shortfall(figures: Mapping[str, Any]) -> str:
-    """Say where networks are no better than the published coefficients, and what to do; empty if they are better.
+    """Say where networks are no better than the calibrated coefficients, and what to do; empty if they are better.
 
     Parameters
     ----------
@@ -215,8 +220,8 @@ def shortfall(figures: Mapping[str, Any]) -> str:
     if not worse:
         return ""
     return (
-        f"These networks are no better than the published coefficients {' and '.join(worse)}: drive with coefficients, "
-        "or give the same command a larger --budget, which adds runs to those that are there."
+        f"These networks are no better than the calibrated coefficients {' and '.join(worse)}: drive with these "
+        "(hydrodynamics='calibrated'), or give the same command a larger --budget, which adds runs to those there are."
     )
 
 

@@ -36,6 +36,9 @@ CELL_SIZE = 0.018
 """Size of the cells round the vehicle in the runs of the data set [m].
 
 The gap beside a wheel at full lock has 1.3 cells; two would be needed to resolve it."""
+MACRO_STEP = 2e-3
+"""Interval at which vehicle and water exchange motion and loads [s]; the flow divides it where its Courant number asks
+for it."""
 SOIL = "LETE sand"
 """Published soil on which the vehicle drives."""
 SNAPSHOT_INTERVAL = 0.1
@@ -55,7 +58,7 @@ class FlowRun:
     """Size of the cells round the vehicle [m]"""
     doubled: bool = False
     """The window of the flow reaches twice as far from the vehicle"""
-    macro_step: float | FollowFlow = 1e-3
+    macro_step: float | FollowFlow = MACRO_STEP
     """Interval at which vehicle and water exchange motion and loads [s]"""
     duration: float = 8.0
     """Simulated time [s]"""
@@ -68,7 +71,7 @@ class FlowRun:
         """Name of the run as part of a file's name: the scenario, and settings other than the default."""
         window = "_doubled" if self.doubled else ""
         step = "_following" if isinstance(self.macro_step, FollowFlow) else f"_{1e3 * self.macro_step:g}ms"
-        step = "" if self.macro_step == 1e-3 else step
+        step = "" if self.macro_step == MACRO_STEP else step
         hold = f"_hold{self.hold:g}s" if self.hold != FlowSpinUp.hold else ""
         return f"{self.scenario.file_stem}_{1e3 * self.cell_size:g}mm{window}{step}{hold}"
 

@@ -30,7 +30,7 @@ FIGURES: dict[str, tuple[str, str]] = {
     "wall_time": ("s", "time of computing"),
     "real_time_factor": ("1", "simulated over wall time"),
     "out_of_range_share": ("1", "share of the time in which some body was outside the training range"),
-    "fallback_share": ("1", "share of the coefficient model in the loads, mean over time and bodies"),
+    "fallback_share": ("1", "share of the calibrated coefficients in the loads, mean over time and bodies"),
     "members": ("1", "members of the ensemble that arrived"),
     "forward_spread": ("m", "standard deviation of the members' final places along world x"),
     "lateral_spread": ("m", "standard deviation of the members' final places along world y"),
@@ -57,7 +57,7 @@ def summary(dataset: xr.Dataset) -> dict[str, Any]:
         - spin_energy [J]: work of the driving torques;
         - wall_time [s]; real_time_factor [-]: simulated over wall time;
         - with networks: out_of_range_share [-], the part of the time in which some body was outside the training
-          range; fallback_share [-], the share of the coefficient model in the loads, mean over time and bodies;
+          range; fallback_share [-], the share of the calibrated coefficients in the loads, mean over time and bodies;
         - with members (`exumob.simulation.ensemble.add_members`): members [-], those that arrived; forward_spread,
           lateral_spread [m] and yaw_spread [rad], standard deviations of their final positions and headings.
 

@@ -41,7 +41,7 @@ LEVEL_DIFFERENCE = 1e-3
 CURRENT_DIFFERENCE = 0.01
 """Difference of the current over half the hull's length from which the line names it [m/s]."""
 MOSTLY = 0.25
-"""Share of the coefficient model in the loads from which a drive says little of networks [-]."""
+"""Share of the calibrated coefficients in the loads from which a drive says little of networks [-]."""
 NAMED = 4
 """Number of differences that the line names; it counts the others."""
 
@@ -136,7 +136,7 @@ def trust_of(
     out_of_range : float, optional
         Share of the time for which some body was outside the networks' training range [-]; None: not known yet.
     fallback : float, optional
-        Mean share of the coefficient model in the loads [-].
+        Mean share of the calibrated coefficients in the loads [-].
     met : WaterMet, optional
         What the vehicle met of water that is given by its level or a field.
     """
@@ -151,11 +151,11 @@ def trust_of_all(runs: Iterable[RunDescription]) -> Trust:
     return _together([(run, None, None, None) for run in runs])
 
 
-def coefficients_off() -> str:
-    """Say how far runs with the published coefficients ended from those with the flow in the loop."""
-    rows = [row["coefficients"] for row in measured_errors()["runs"]]
+def calibrated_off() -> str:
+    """Say how far runs with the calibrated coefficients ended from those with the flow in the loop."""
+    rows = [row["calibrated"] for row in measured_errors()["runs"]]
     amount = _percents(min(row["end"] for row in rows), max(row["end"] for row in rows))
-    return f"{amount} of its path away{_whither([row['forward'] for row in rows])}"
+    return f"{amount} of the path away{_whither([row['forward'] for row in rows])}"
 
 
 def elsewhere_off(name: str) -> str:
@@ -344,7 +344,7 @@ def _learnt(card: Mapping[str, Any], soil: str) -> Trust:
     shares = [float(one["fallback"]) for one in card["drives"] if isinstance(one.get("fallback"), int | float)]
     share = float(np.mean(shares)) if shares else 0.0
     if share > MOSTLY:
-        advice = f"the coefficient model gave {100.0 * share:.0f} % of the loads in drives that were compared. In them,"
+        advice = f"the coefficients gave {100.0 * share:.0f} % of the loads in drives that were compared. In them,"
         return Trust("networks", "not validated", error, soil, advice=advice)
     return Trust("networks", "measured", error, soil, (), float(np.mean(ends)), max(ends))
 
@@ -379,7 +379,7 @@ def _card_departures(
     most = {"micro_step": micro_step, "macro_step": macro_step}
     yield from _step_departures(run.steps.micro_step, run.steps.longest_macro_step, most)
     if isinstance(model, SurrogateHydrodynamics) and not model.fallback:
-        yield Departure("outside their range", ("networks alone",), "the coefficient model takes over")
+        yield Departure("outside their range", ("networks alone",), "the calibrated coefficients take over")
     outside = [one["outside"] for one in card["drives"] if isinstance(one.get("outside"), int | float)]
     most_outside = max(outside, default=0.0)
     if out_of_range is not None and out_of_range > most_outside + 0.005:
@@ -419,7 +419,7 @@ def _departures(
         if len(model.networks) < together:
             yield Departure("networks", (float(len(model.networks)),), f"{together} together")
         if not model.fallback:
-            yield Departure("outside their range", ("networks alone",), "the coefficient model takes over")
+            yield Departure("outside their range", ("networks alone",), "the calibrated coefficients take over")
         longest = max(row[name]["out_of_range"] for row in rows)
         if out_of_range is not None and out_of_range > longest + 0.005:
             yield Departure(_RANGE, (100.0 * out_of_range,), f"{100.0 * longest:.2g}", "% of the time")
@@ -575,8 +575,8 @@ def _what_to_believe(out_of_range: float, fallback: float) -> str:
             "expect more than the measured error."
         )
     return (
-        f"The coefficient model gave {100.0 * fallback:.0f} % of the loads; alone it ended {coefficients_off()}: "
-        "expect an error between both."
+        f"The calibrated coefficients gave {100.0 * fallback:.0f} % of the loads; alone, in what was measured, "
+        f"they ended {calibrated_off()}. Expect more."
     )
 
 

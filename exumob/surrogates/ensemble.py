@@ -94,7 +94,7 @@ def load_members(file: str | Path) -> list[NetworkSet]:
         own = {name.partition("/")[2]: a for name, a in arrays.items() if name.partition("/")[0] == str(n)}
         architecture = _architecture(one.get("architecture"), path)
         own = _checked_arrays(architecture, own, path)
-        members.append(NetworkSet(architecture, own, _checked_about(one.get("about"), path)))
+        members.append(NetworkSet(architecture, own, _checked_about(one.get("about"), architecture, path)))
     return members
 
 

@@ -1,9 +1,9 @@
 """LSTM-MBD: trained networks as a hydrodynamics model (paper Secs. 3 and 5), with error bars and known limits.
 
 The wrenches on the vehicle are the mean of an ensemble's members; their spread is the error bar. Networks do not
-extrapolate: outside the range of the training runs their wrenches are blended into those of the coefficient model, and
-the result records where and how far. In macro steps of more than 2 ms the networks' part moves half way to each new
-answer (`RELAXED_STEP`).
+extrapolate: outside the range of the training runs their wrenches are blended into those of the calibrated coefficients
+(`exumob.water.calibrated`), and the result records where and how far. In macro steps of more than 2 ms the networks'
+part moves half way to each new answer (`RELAXED_STEP`).
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from exumob.surrogates.network_kernels import mean_and_spread
 from exumob.surrogates.networks import TRAINED_DENSITY, WEIGHTS, Architecture, NetworkSet
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
-from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.conditions import Water, require_within
 
 OUTSIDE = 0.02
 """Excess (`NetworkSet.excess`) from which a state counts as outside the training range [-]."""
 BLEND = (0.1, 0.5)
-"""Excess at which the coefficient model begins to take over, and from which it acts alone [-]."""
+"""Excess at which the calibrated coefficients begin to take over, and from which they act alone [-]."""
 RELAXED_STEP = 2.0e-3
 """Macro step above which the networks' part of the wrenches moves half way to their new answer [s].
 
@@ -41,7 +41,7 @@ Networks answer to velocities. Held over 20 ms that answer is a delayed damper, 
 makes the wrench alternate from step to step: by 1 N of 110 N in D60/U1."""
 SLOPE_RANGE = 0.2
 """Slope of the bed that counts as an excess of 1 [-], chosen by us. The networks have seen level beds only, and most
-are not told of a slope: from 0.02 on the coefficient model begins to take over, from 0.1 on it acts alone."""
+are not told of a slope: from 0.02 on the coefficients begin to take over, from 0.1 on they act alone."""
 MOVING_SPEED = 0.05
 """Speed of the hull below which a state is compared with the training range as one at rest [m/s]: the sideslip angle of
 a vehicle that hardly moves is arbitrary."""
@@ -56,12 +56,13 @@ class SurrogateHydrodynamics:
         Members of an ensemble, or files of one or several (`exumob.surrogates.ensemble`); ``"paper-lstm"`` stands for
         the paper's, which come with exumob. Default: the ensemble that comes with it (`shipped_networks`).
     fallback : bool
-        True: the coefficient model takes over outside the networks' range. False: the networks alone act.
+        True: the calibrated coefficients take over outside the networks' range. False: the networks alone act.
 
     Raises
     ------
     ValueError
-        If a file holds no networks; at `start`, if they were trained for another vehicle.
+        If a file holds no networks, or members rest on different coefficients; at `start`, if they were
+        trained for another vehicle.
     """
 
     @checked
@@ -85,6 +86,13 @@ class SurrogateHydrodynamics:
         groups: dict[Architecture, list[NetworkSet]] = {}
         for network in self.networks:
             groups.setdefault(network.architecture, []).append(network)
+        bases = {waves.digest(): waves for n in self.networks if (waves := n.waves) is not None}
+        if len(bases) > 1:
+            raise ValueError(
+                f"SurrogateHydrodynamics.networks: {', '.join(n.name for n in self.networks)} rest on {len(bases)} "
+                "different sets of coefficients; use networks that were trained together (`exumob train`)."
+            )
+        self._waves = next(iter(bases.values()), None)
         self._groups = [(NetworkSet.stacked(group), len(group)) for group in groups.values()]
         self._water: Water | None = None
         self._bed = Terrain()
@@ -114,8 +122,8 @@ class SurrogateHydrodynamics:
                     f"networks ({network.name}) sample the past every {1e3 * SAMPLING:g} ms; macro_step = "
                     f"{1e3 * macro_step:g} ms must be a whole multiple of it."
                 )
-        based = any(n.architecture.base == "coefficients" for n in self.networks)
-        self._coefficients = CoefficientHydrodynamics() if based or self.fallback else None
+        based = self._waves is not None
+        self._coefficients = CalibratedHydrodynamics(waves=self._waves) if based or self.fallback else None
         if self._coefficients is not None:
             self._coefficients.set_bed(self._bed)
             self._coefficients.start(vehicle, water, macro_step)
@@ -207,7 +215,7 @@ class SurrogateHydrodynamics:
             del series[saved["count"] :]
 
     def record(self) -> dict[str, xr.DataArray]:
-        """Return error bars of the wrenches, distance from the training range and share of the coefficient model."""
+        """Return error bars of the wrenches, distance from the training range and share of the coefficients."""
         if not self._times:
             return {}
         time = xr.Variable("macro_time", self._times, {"units": "s", "long_name": "start of the macro step"})
@@ -232,7 +240,7 @@ class SurrogateHydrodynamics:
             ),
             "fallback_share": xr.DataArray(
                 np.array(self._fallback), coords, ("macro_time", "body"),
-                attrs={"units": "1", "long_name": "share of the coefficient model in the loads"},
+                attrs={"units": "1", "long_name": "share of the calibrated coefficients in the loads"},
             ),
         }  # fmt: skip
         return found
@@ -245,7 +253,7 @@ def shipped_networks() -> list[Path]:
 
 @njit(cache=True, error_model="numpy")
 def _fallback_share(excess: Array) -> Array:
-    """Return the share of the coefficient model [-], shape (5,), for an excess of shape (5, 2)."""
+    """Return the share of the coefficients [-], shape (5,), for an excess of shape (5, 2)."""
     worst = np.maximum(excess[:, 0], excess[:, 1])
     share = np.minimum(np.maximum((worst - BLEND[0]) / (BLEND[1] - BLEND[0]), 0.0), 1.0)
     return share * share * (3.0 - 2.0 * share)

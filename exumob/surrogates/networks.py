@@ -39,6 +39,7 @@ from exumob.surrogates.network_kernels import (
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.mesh_file import mesh_digest
+from exumob.water.wave_loads import WaveCoefficients
 
 FORMAT, VERSION = "exumob networks", 1
 WEIGHTS = PACKAGE / "surrogates" / "weights"
@@ -80,7 +81,7 @@ class Architecture(Declared):
     degree: Annotated[int, Quantity("1", at_least=1, at_most=6)] = 3
     """Degree of the polynomial"""
     base: Literal["none", "coefficients"] = "none"
-    """Model to whose wrenches those of the network are added"""
+    """Model to whose wrenches those of the network are added; ``"coefficients"``: `NetworkSet.waves` with it"""
     filters: tuple[Annotated[float, Quantity("s", at_least=1e-3, at_most=1e3)], ...] = ()
     """Time constants of the filtered inputs (`exumob.surrogates.memory`) that a dense layer sees before the instants"""
 
@@ -133,12 +134,23 @@ class NetworkSet:
     ``input_low``, ``input_high``, shape (5, k): range of each input in training; ``joint_inverse`` (5, k, k): inverse
     covariance of the scaled inputs; ``joint_limit`` (5,): largest Mahalanobis distance in training."""
     about: dict[str, Any]
-    """Origin of the networks: preset, seed, runs, held_back, geometry, data_hash, provenance"""
+    """Origin of the networks: preset, seed, runs, held_back, geometry, data_hash, provenance; ``waves``, the
+    values of `NetworkSet.waves`, of those that are added to coefficients"""
 
     @property
     def name(self) -> str:
         """Preset and seed."""
         return f"{self.about.get('preset', 'unnamed')}, seed {self.about.get('seed', '?')}"
+
+    @cached_property
+    def waves(self) -> WaveCoefficients | None:
+        """The coefficients of waves in the loads to which those of the networks are added; None: added to none.
+
+        They are all 0 of networks that were trained before there were any.
+        """
+        if self.architecture.base == "none":
+            return None
+        return WaveCoefficients(np.array(self.about.get("waves", np.zeros(WaveCoefficients.SHAPE)), float), {})
 
     @property
     def size(self) -> int:
@@ -205,7 +217,7 @@ class NetworkSet:
             )
         architecture = _architecture(header.get("architecture"), path)
         arrays = _checked_arrays(architecture, arrays, path)
-        return cls(architecture, arrays, _checked_about(header.get("about"), path))
+        return cls(architecture, arrays, _checked_about(header.get("about"), architecture, path))
 
     @classmethod
     def stacked(cls, sets: Sequence[NetworkSet]) -> NetworkSet:
@@ -426,8 +438,8 @@ def _architecture(given: Any, path: Path) -> Architecture:
         raise ValueError(f"{path}: {error} Train again with `exumob train`.") from None
 
 
-def _checked_about(about: Any, path: Path) -> dict[str, Any]:
-    """Return the origin of networks, or refuse a file that does not say for which vehicle they are."""
+def _checked_about(about: Any, architecture: Architecture, path: Path) -> dict[str, Any]:
+    """Return the origin of networks, or refuse a file that does not say for which vehicle and on what base they are."""
     trained = about.get("geometry") if isinstance(about, dict) else None
     if not isinstance(about, dict) or not isinstance(trained, dict):
         raise ValueError(
@@ -441,6 +453,16 @@ def _checked_about(about: Any, path: Path) -> dict[str, Any]:
             f"{path}: about.geometry has wrong, unknown or missing parameters: {', '.join(unknown + wrong + missing)}; "
             "it is of another version, train again with `exumob train`."
         )
+    if architecture.base == "coefficients" and "waves" in about:  # files made before have none
+        try:
+            waves = np.array(about["waves"], float)
+        except (ValueError, TypeError):
+            waves = np.empty(0)
+        if waves.shape != WaveCoefficients.SHAPE or not np.isfinite(waves).all():
+            raise ValueError(
+                f"{path}: about.waves, coefficients of loads to which its networks add, is of shape {waves.shape} or "
+                f"not finite; it must be {WaveCoefficients.SHAPE} of finite numbers. Train again with `exumob train`."
+            )
     return about
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from exumob.support.arrays import Array
 
@@ -49,8 +50,8 @@ class BodyStates:
         """Return the number of instants n."""
         return len(self.time)
 
-    def __getitem__(self, index: slice) -> BodyStates:
-        """Return the states of a slice of instants (views, not copies)."""
+    def __getitem__(self, index: slice | NDArray[np.intp]) -> BodyStates:
+        """Return the states of a slice of instants (views, not copies), or of chosen ones."""
         return BodyStates(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
 
 

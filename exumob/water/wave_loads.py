@@ -20,7 +20,7 @@ import math
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -44,6 +44,7 @@ TERMS = 5
 """Most terms of a load."""
 KINDS = ("hull", "front", "rear")
 """Bodies with coefficients of their own: the hull, the front wheels, the rear wheels."""
+COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 KIND_OF_BODY = (0, 1, 1, 2, 2)
 """Index of `KINDS` for each body."""
 _EVEN = ("w", "w F", "w F^2", "w t", "w t F")
@@ -69,7 +70,6 @@ u as it must; in reverse front and rear wheels keep their own. Terms with pitch,
 out: such attitudes were small in the runs, and a pitch moment that grows with the pitch made another vehicle dive."""
 RESISTING = {"Fy": 3}
 """First terms that resist a velocity to the side: their coefficients are not positive."""
-COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 
 class VehicleLengths(NamedTuple):
@@ -90,6 +90,7 @@ class VehicleLengths(NamedTuple):
 class WaveCoefficients:
     """Dimensionless coefficients of the terms, in the order of `FORMS`."""
 
+    SHAPE: ClassVar = (len(KINDS), len(COMPONENTS), TERMS)
     values: Array
     """Shape (3, 6, 5): kind of body, component, term; 0 where there is none"""
     about: dict[str, Any]
@@ -119,7 +120,7 @@ class WaveCoefficients:
     def load(cls, file: Path) -> WaveCoefficients:
         """Read a file of `save`."""
         about = json.loads(file.read_text(encoding="utf-8"))
-        values = np.zeros((len(KINDS), len(COMPONENTS), TERMS))
+        values = np.zeros(cls.SHAPE)
         for n, kind in enumerate(KINDS):
             for k, name in enumerate(COMPONENTS):
                 found = about["coefficients"][kind].get(name, [])
@@ -238,6 +239,13 @@ def wave_loads(
     terms = np.empty(coefficients.shape)
     wave_terms(lengths, density, around, position, rotation, velocity, angular_velocity, terms)
     return (terms * coefficients).sum(axis=2)
+
+
+def wave_loads_along(
+    vehicle: Vehicle, around: WaterOverBed, density: float, states: BodyStates, waves: WaveCoefficients
+) -> Array:
+    """Return `wave_loads` at all instants of a motion [N, N m], shape (n, 5, 6)."""
+    return np.asarray((terms_along(vehicle, around, density, states) * waves.by_body).sum(axis=-1))
 
 
 def terms_along(vehicle: Vehicle, around: WaterOverBed, density: float, states: BodyStates) -> Array:

@@ -13,8 +13,10 @@ from exumob.simulation.ensemble import add_members
 from exumob.simulation.run import simulate
 from exumob.simulation.summary import summary
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
-from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.surrogates.networks import NetworkSet
+from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.conditions import Water
+from exumob.water.wave_loads import WaveCoefficients
 
 pytest.importorskip("torch")
 from exumob.learning.evaluation import closed_loop
@@ -23,16 +25,37 @@ HEAD_CURRENT = Water(0.12, 1.0)
 STEPS = {"micro_step": 5e-4, "macro_step": 20e-3}
 
 
-def test_zero_residual_is_the_coefficient_model(vehicle, sand):
+@pytest.mark.parametrize("base", ["calibrated", "coefficients"])
+def test_zero_residual_is_its_base(vehicle, sand, base):
+    """Networks whose file says nothing of waves were trained beside published coefficients without any."""
+    network = residual(vehicle)
+    if base == "coefficients":
+        network = replace(network, about={name: v for name, v in network.about.items() if name != "waves"})
     a, b = (
         simulate(vehicle, sand, HEAD_CURRENT, lane_change(), model, duration=0.4, **STEPS)
-        for model in (CoefficientHydrodynamics(), SurrogateHydrodynamics(residual(vehicle)))
+        for model in (base, SurrogateHydrodynamics(network))
     )
     assert np.array_equal(a["position"], b["position"])
     assert not b["hydrodynamics_out_of_range"].any() and summary(b)["out_of_range_share"] == 0.0
     assert closed_loop(b, pack(simulate(
-        vehicle, sand, HEAD_CURRENT, lane_change(), "coefficients", duration=0.4, record_step=1e-3, **STEPS
+        vehicle, sand, HEAD_CURRENT, lane_change(), base, duration=0.4, record_step=1e-3, **STEPS
     )))["final"] < 1e-4  # fmt: skip
+
+
+def test_networks_keep_the_calibrated_coefficients_that_they_were_added_to(vehicle, sand, tmp_path):
+    """Those that come with exumob may be fitted anew: networks in a file stand on the old ones, and do not mix."""
+    other = residual(vehicle)
+    waves = 0.5 * np.array(other.about["waves"])
+    other = NetworkSet(other.architecture, other.arrays, other.about | {"waves": waves.tolist()})
+    other = NetworkSet.load(other.save(tmp_path / "other.safetensors"))
+    old = CalibratedHydrodynamics(waves=WaveCoefficients(waves, {}))
+    a, b = (
+        simulate(vehicle, sand, HEAD_CURRENT, lane_change(), model, duration=0.4, **STEPS)
+        for model in (old, SurrogateHydrodynamics(other))
+    )
+    assert np.array_equal(a["position"], b["position"])
+    with pytest.raises(ValueError, match="2 different sets of coefficients"):
+        SurrogateHydrodynamics([other, residual(vehicle)])
 
 
 def test_ensemble_gives_mean_and_spread(vehicle, sand):
@@ -62,7 +85,7 @@ def test_members_give_error_bars_on_the_path(vehicle, sand):
 
 
 def test_out_of_range_is_reported_and_falls_back(vehicle, sand):
-    """A network that pushes with 2 N, trained up to 0.3 m/s: the coefficient model takes over, and the run says so."""
+    """A network that pushes with 2 N, trained up to 0.3 m/s: the coefficients take over, and the run says so."""
     narrow = {"input_low": np.full((5, 3), -0.3, np.float32), "input_high": np.full((5, 3), 0.3, np.float32)}
     pushing = residual(vehicle, 2.0, **narrow)
     run, alone = (

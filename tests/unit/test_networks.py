@@ -18,7 +18,7 @@ from exumob.simulation.run import simulate
 from exumob.surrogates.inputs import INPUTS, MIRRORED_BODIES, MIRRORED_LOADS, mirror_signs, network_inputs, window_rows
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
 from exumob.surrogates.networks import Architecture, NetworkSet, read_arrays, write_arrays
-from exumob.water.coefficients import CoefficientHydrodynamics
+from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.conditions import Water
 
 torch = pytest.importorskip("torch")
@@ -151,6 +151,8 @@ DAMAGE = [
     (lambda h, a: h["about"]["geometry"].pop("track"), "missing parameters: track"),
     (lambda h, a: h["about"]["geometry"].update({"no.such": 1.0}), r"no\.such"),
     (lambda h, a: h["about"]["geometry"].update(track=[1]), "missing parameters: track"),
+    (lambda h, a: (h["architecture"].update(base="coefficients"), h["about"].update(waves=[1.0])), r"of shape \(1,\)"),
+    (lambda h, a: (h["architecture"].update(base="coefficients"), h["about"].update(waves=["a"])), r"of shape \(0,\)"),
     (lambda h, a: h.pop("version"), "is of version None and this program reads 1"),
     (lambda h, a: h.update(version="1"), "is of version 1 and"),
     (lambda h, a: h.pop("architecture"), "its architecture has None"),
@@ -295,11 +297,11 @@ def test_members_together_answer_as_alone(vehicle):
     assert every.excess(window[:, -1]) == pytest.approx(excess, rel=1e-5, abs=1e-6)
 
 
-def test_far_outside_the_coefficient_model_acts_alone(runs, vehicle):
+def test_far_outside_the_calibrated_coefficients_act_alone(runs, vehicle):
     narrow = {"input_low": np.full((5, 3), -0.3, np.float32), "input_high": np.full((5, 3), 0.3, np.float32)}
     states, answers = body_states(runs["D60/U1"])[:400], []
     pushing = SurrogateHydrodynamics(residual(vehicle, 2.0, **narrow))
-    for model in (pushing, CoefficientHydrodynamics(), SurrogateHydrodynamics(pushing.networks, fallback=False)):
+    for model in (pushing, CalibratedHydrodynamics(), SurrogateHydrodynamics(pushing.networks, fallback=False)):
         model.start(vehicle, HEAD_CURRENT, 1e-3)
         answers.append(model.wrenches(states, lambda: states))
     assert answers[0] == pytest.approx(answers[1], abs=1e-12)
