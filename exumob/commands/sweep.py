@@ -109,6 +109,8 @@ def sweep_command(  # one argument an option of the command line
     if "verdict" in result:
         for name, number in Counter(str(one) for one in result["verdict"].values if str(one)).most_common():
             console.print(f"{'verdict':<12} {name}: {number}", soft_wrap=True)
+    if "trust" in result.attrs:
+        console.print(f"{'trust':<12} {result.attrs['trust']}", soft_wrap=True)
     _print_causes(status, [str(reason) for reason in result["reason"].values], cases)
     console.print(f"{'result':<12} {output / 'sweep.nc'}", soft_wrap=True)
     if code := exit_code(status):

@@ -60,12 +60,14 @@ def hydrodynamics_named(
         Members of the ensemble, or files of one or several (`exumob.surrogates.ensemble`); ``"paper-lstm"`` stands for
         the paper's. Default: the ensemble that comes with exumob.
     coefficients : Coefficients, optional
-        Coefficients of the coefficient model. Default: the published ones.
+        Coefficients of the coefficient model. Default: the published ones. With others ``"auto"`` is ``"calibrated"``,
+        as networks know nothing of them.
 
     Raises
     ------
     ValueError
-        If the name is not known, a file holds no networks, or ``"networks"`` were asked for and do not fit.
+        If the name is not known, a file holds no networks, or ``"networks"`` were asked for and do not fit, or with
+        coefficients other than the published ones.
     """
     if name not in MODELS:
         raise ValueError(f"hydrodynamics = {name!r} is not known; use {', '.join(map(repr, MODELS))}.")
@@ -74,6 +76,13 @@ def hydrodynamics_named(
     if name == "coefficients":
         return CoefficientHydrodynamics(coefficients)
     if name == "calibrated":
+        return CalibratedHydrodynamics(coefficients)
+    if coefficients is not None and coefficients != Coefficients():
+        if name == "networks" or networks:
+            raise ValueError(
+                "hydrodynamics = 'networks': coefficients of your own have no effect on networks, which learned beside "
+                "the published ones; leave them out, or take hydrodynamics = 'calibrated'."
+            )
         return CalibratedHydrodynamics(coefficients)
     model = SurrogateHydrodynamics(list(networks) if networks else None)
     if networks:

@@ -228,8 +228,10 @@ class NetworkSet:
         return cls(first.architecture, {n: np.concatenate([s.arrays[n] for s in sets]) for n in names}, first.about)
 
     def digest(self) -> str:
-        """Return a short hash of all arrays."""
+        """Return a short hash of all arrays, and of the coefficients to whose loads theirs are added."""
         found = hashlib.sha256()
+        if "waves" in self.about and self.waves is not None:
+            found.update(self.waves.values.tobytes())
         for name in sorted(self.arrays):
             found.update(name.encode() + self.arrays[name].tobytes())
         return found.hexdigest()[:16]

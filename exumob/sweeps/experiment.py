@@ -338,7 +338,7 @@ class Experiment(Declared):
     def beyond_its_fields(self) -> dict[str, str]:
         """Digests of networks and fitted coefficients that may give the loads, for `exumob.support.identity`."""
         used = self.hydrodynamics in ("auto", "networks")
-        fitted = self.hydrodynamics in ("auto", "calibrated")
+        fitted = self.hydrodynamics in ("auto", "networks", "calibrated")
         return {
             "networks": " ".join(n.digest() for n in SurrogateHydrodynamics().networks) if used else "",
             "wave_coefficients": fitted_coefficients().digest() if fitted else "",
@@ -348,7 +348,8 @@ class Experiment(Declared):
         """Choose the model of the water's loads for all cases, so that none differs from another by its model.
 
         ``"auto"`` becomes ``"networks"`` if those that come with exumob fit the vehicle of every case, and
-        ``"calibrated"`` otherwise, with a warning; where a member of the ensemble is named, networks are asked for.
+        ``"calibrated"`` otherwise, with a warning; where a member of the ensemble is named, networks are asked for, and
+        where a coefficient is, calibrated ones.
         """
         names = {name for case in cases for name in case}
         dry = self.water is None and not any(name.startswith("water.") for name in names)
@@ -356,6 +357,8 @@ class Experiment(Declared):
             return self
         if self.member is not None or "hydrodynamics.member" in names:
             return replace(self, hydrodynamics="networks")
+        if any(name.startswith("hydrodynamics.") for name in names):
+            return replace(self, hydrodynamics="calibrated")
         places = [name for name in (*GEOMETRY, *FURTHER_GEOMETRY) if name in names]
         for values in {repr(v): v for v in ({n: case[n] for n in places if n in case} for case in cases)}.values():
             try:

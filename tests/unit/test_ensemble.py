@@ -189,4 +189,4 @@ def test_drives_in_which_networks_hardly_answered_validate_nothing(run, tmp_path
     drives = [one | {"fallback": 0.9} for one in CARD["drives"]]
     other = save_ensemble(MEMBERS, tmp_path / "other.safetensors", CARD | {"drives": drives})
     found = trust_of(replace(run, hydrodynamics=SurrogateHydrodynamics(other)))
-    assert found.status == "not validated" and "the coefficient model gave 90 % of the loads" in found.line
+    assert found.status == "not validated" and "the coefficients gave 90 % of the loads" in found.line

@@ -17,6 +17,7 @@ from exumob.sweeps.experiment import amphibious_lane_change
 from exumob.sweeps.run import _check_cases
 from exumob.sweeps.sampling import Range
 from exumob.sweeps.study import from_options, parse_variation, read_study
+from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import NoWater
@@ -403,3 +404,12 @@ def test_a_distribution_in_another_unit_is_refused_by_its_median(drawn):
     with pytest.raises(ValueError, match=r"the median of what .* is drawn from.*"):
         from_options(None, [], [drawn], 8, 0)
     assert len(from_options(None, [], [drawn], 8, 0, True)[1]) == 8
+
+
+def test_coefficients_of_ones_own_go_with_no_networks():
+    """They were varied with networks, which do not know of them, and nothing changed."""
+    base, name = amphibious_lane_change(), "hydrodynamics.hull_surge_drag"
+    assert type(base.with_values({name: 1.1}).water_model()) is CalibratedHydrodynamics
+    assert base.with_one_model([{name: 0.9}, {name: 1.1}]).hydrodynamics == "calibrated"
+    with pytest.raises(ValueError, match=r"no effect on networks.*take hydrodynamics = 'calibrated'"):
+        base.with_values({name: 1.1, "hydrodynamics": "networks"}).water_model()
