@@ -87,7 +87,7 @@ class Laboratory:
     names: tuple[str, ...] = GRID
     """Runs to learn from, the first two to begin with"""
     unseen: tuple[Scenario, ...] = UNSEEN
-    preset: Preset = PRESETS[BEST]
+    preset: Preset = PRESETS[BEST]  # beside published coefficients: fitted ones would know all runs
     steps: dict[str, Any] = field(default_factory=lambda: dict(FAST))
     progress: Callable[[str], None] = logger.info
 

@@ -24,7 +24,7 @@ from exumob.surrogates.inputs import MIRRORED_BODIES, MIRRORED_LOADS, SAMPLING, 
 from exumob.surrogates.memory import filtered
 from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, Single
 from exumob.vehicle.parameters import Vehicle
-from exumob.water.wave_loads import fitted_coefficients
+from exumob.water.wave_loads import WaveCoefficients
 
 
 @dataclass(frozen=True)
@@ -96,17 +96,18 @@ def validation_run(runs: Mapping[str, xr.Dataset], seed: int) -> str:
 
 
 def build_examples(
-    runs: Mapping[str, xr.Dataset], vehicle: Vehicle, preset: Preset
+    runs: Mapping[str, xr.Dataset], vehicle: Vehicle, preset: Preset, waves: WaveCoefficients | None = None
 ) -> tuple[list[str], list[Examples]]:
-    """Names of the runs in the order of the examples, and the examples of each of the five bodies."""
+    """Names of the runs in the order of the examples, and the examples of each of the five bodies.
+
+    `waves` are those of the coefficients to which the networks' loads are added, if they are; None: there are none.
+    """
     names = sorted(runs)
     architecture = preset.architecture
     inputs = [network_inputs(body_states(runs[n]), water_of(runs[n]), architecture.inputs) for n in names]
     loads = [runs[n]["water_wrench_smooth"].values.astype(float) for n in names]
     if architecture.base == "coefficients":
-        loads = [
-            load - base_loads(runs[n], vehicle, fitted_coefficients()) for n, load in zip(names, loads, strict=True)
-        ]
+        loads = [load - base_loads(runs[n], vehicle, waves) for n, load in zip(names, loads, strict=True)]
     loads = [load * (TRAINED_DENSITY / water_of(runs[n]).density) for n, load in zip(names, loads, strict=True)]
     good = [usable(runs[n]) for n in names]
     if preset.mirror:

@@ -20,6 +20,7 @@ import numpy as np
 import torch
 import xarray as xr
 
+from exumob.learning.calibration import fit_wave_coefficients
 from exumob.learning.cost import announce_training
 from exumob.learning.dataset import check_geometry, check_run, water_of
 from exumob.learning.examples import Examples, build_examples, validation_run
@@ -34,7 +35,7 @@ from exumob.surrogates.networks import NetworkSet, Single, geometry, read_arrays
 from exumob.vehicle.motion import BODIES, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.mesh_file import mesh_digest
-from exumob.water.wave_loads import fitted_coefficients
+from exumob.water.wave_loads import WaveCoefficients, fitted_coefficients
 
 POLL = 0.2
 """Interval at which progress is reported [s]."""
@@ -83,6 +84,10 @@ def train(
     ``<preset>_seed<seed>.safetensors``. Networks that are there already, made from the same data and preset, are not
     made again.
 
+    Networks whose loads are added to coefficients have ones of their own for that: those of the waves
+    (`exumob.water.wave_loads`) are fitted to all of these runs (`exumob.learning.calibration`), also to those that a
+    seed keeps for validation.
+
     Parameters
     ----------
     presets : sequence of Preset
@@ -129,18 +134,20 @@ def train(
     require_writable(parts / "network.safetensors", ROOM)
     announce_training(presets, runs, len(seeds), jobs)
     data = _data_hash(runs, vehicle)
+    based = any(preset.architecture.base == "coefficients" for preset in presets)
+    waves = fit_wave_coefficients([(vehicle, runs)], fitted_coefficients()) if based else None
     files: dict[tuple[str, int], Path] = {}
     context = multiprocessing.get_context("spawn")
     queue = context.SimpleQueue()
     with stopping(ProcessPoolExecutor(jobs, context, _begin, (queue, os.getpid()))) as pool:
         pending: dict[Any, _Task] = {}
         for preset in presets:
-            names, bodies = build_examples(runs, vehicle, preset)
+            names, bodies = build_examples(runs, vehicle, preset, waves)
             for seed in seeds:
                 validation = names.index(validation_run(runs, seed))
                 learn = [r for r in range(len(bodies[0].inputs)) if r % len(names) != validation]
                 for b, body in enumerate(BODIES):
-                    part = _part(parts, preset, seed, body, data)
+                    part = _part(parts, preset, seed, body, data, waves)
                     if not part.exists():
                         task = _Task(preset, seed, b)
                         future = pool.submit(_fit_and_keep, task, bodies[b], learn, [validation], part)
@@ -149,15 +156,15 @@ def train(
         _wait(pending, queue, progress)
     for preset in presets:
         for seed in seeds:
-            found = [_read(_part(parts, preset, seed, body, data)) for body in BODIES]
+            found = [_read(_part(parts, preset, seed, body, data, waves)) for body in BODIES]
             arrays = {name: _stacked([f[name] for f in found]) for name in found[0]}
             about = {
                 "preset": preset.name, "training": asdict(preset) | {"architecture": None}, "seed": seed,
                 "runs": sorted(runs), "held_back": validation_run(runs, seed), "data_hash": data,
                 "geometry": geometry(vehicle), "provenance": provenance() | {"torch_version": torch.__version__},
             }  # fmt: skip
-            if preset.architecture.base == "coefficients":
-                about["waves"] = fitted_coefficients().values.tolist()
+            if waves is not None and preset.architecture.base == "coefficients":
+                about["waves"] = waves.values.tolist()
             NetworkSet(preset.architecture, arrays, about).save(files[preset.name, seed])
     return files
 
@@ -215,9 +222,9 @@ def _stacked(arrays: Sequence[Single]) -> Single:
     return np.stack(arrays)
 
 
-def _part(parts: Path, preset: Preset, seed: int, body: str, data: str) -> Path:
+def _part(parts: Path, preset: Preset, seed: int, body: str, data: str, waves: WaveCoefficients | None) -> Path:
     """File of one network; its name holds a digest of the preset, the data and the base that it was made from."""
-    base = fitted_coefficients().digest() if preset.architecture.base == "coefficients" else ""
+    base = waves.digest() if waves is not None and preset.architecture.base == "coefficients" else ""
     made = hashlib.sha256(json.dumps([asdict(preset), data, base]).encode()).hexdigest()[:12]
     return parts / f"{preset.name}_seed{seed}_{body}_{made}.safetensors"
 

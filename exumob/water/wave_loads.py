@@ -40,7 +40,7 @@ MOST_FROUDE, MOST_DRAUGHT = 1.5, 0.6
 """Froude's number, and draught over depth (of a wheel: over its diameter), beyond which the coefficients change no
 more [-]. The runs to which they were fitted reach 1.3 where the hull is a third of the depth in the water and 1.85
 where its keel touches it, and three fifths of the wheels; those of the other vehicles three fifths of the depth."""
-TERMS = 5
+TERMS = 6
 """Most terms of a load."""
 KINDS = ("hull", "front", "rear")
 """Bodies with coefficients of their own: the hull, the front wheels, the rear wheels."""
@@ -53,8 +53,8 @@ _WHEEL = ("1", "F", "T/D")
 FORMS: dict[str, dict[str, tuple[str, ...]]] = {
     "hull": {"Fx": _EVEN[:3], "Fy": _ODD, "Fz": _EVEN, "Mx": _ODD, "My": _EVEN, "Mz": _ODD},
     "front": {
-        "Fx": _WHEEL, "Fy": (*_WHEEL, "aside 1", "aside F"), "Fz": _WHEEL, "Mx": (*_WHEEL, "aside 1", "aside F"),
-        "My": _WHEEL,
+        "Fx": _WHEEL, "Fy": (*_WHEEL, "wash", "aside 1", "aside F"), "Fz": _WHEEL,
+        "Mx": (*_WHEEL, "wash", "aside 1", "aside F"), "My": _WHEEL,
     },
     "rear": dict.fromkeys(("Fx", "Fy", "Fz", "Mx", "My"), _WHEEL),
 }  # fmt: skip
@@ -65,11 +65,10 @@ u |u| and another L; Fy over density / 2 L h |u| v with the speed v to the left,
 where r is the yaw rate; Mx as Fy with another L; Mz the same with u v and |u| r L. Of a wheel, immersed by T: over
 density u |u| / 2 (Fx, My) or u^2 / 2 (Fz) times its wetted frontal area, and its diameter D (My); Fy over
 density / 2 D T |u| v, the lift of a disk that is turned to the stream, and Mx the same with the arm from the axle to
-the middle of T; "aside": with u^2 outward for |u| v, as the hull parts the water. With these signs each load turns with
-u as it must; in reverse front and rear wheels keep their own. Terms with pitch, roll or heaving were tried and left
-out: such attitudes were small in the runs, and a pitch moment that grows with the pitch made another vehicle dive."""
-RESISTING = {"Fy": 3}
-"""First terms that resist a velocity to the side: their coefficients are not positive."""
+the middle of T; "wash": with the speed to the hull's left for that to the wheel's, as the water before a drifting hull
+goes with it; "aside": with u^2 outward, as the hull parts the water. With these signs each load turns with u as it
+must; in reverse front and rear wheels keep their own. Terms with pitch, roll or heaving were tried and left out: such
+attitudes were small in the runs, and a pitch moment that grows with the pitch made another vehicle dive."""
 
 
 class VehicleLengths(NamedTuple):
@@ -92,13 +91,13 @@ class WaveCoefficients:
 
     SHAPE: ClassVar = (len(KINDS), len(COMPONENTS), TERMS)
     values: Array
-    """Shape (3, 6, 5): kind of body, component, term; 0 where there is none"""
+    """Shape (3, 6, 6): kind of body, component, term; 0 where there is none"""
     about: dict[str, Any]
     """Origin: command, revision, runs, ranges"""
 
     @property
     def by_body(self) -> Array:
-        """Coefficients of the five bodies, shape (5, 6, 5)."""
+        """Coefficients of the five bodies, shape (5, 6, 6)."""
         return self.values[list(KIND_OF_BODY)]
 
     def digest(self) -> str:
@@ -160,11 +159,12 @@ def wave_terms(
     around : WaterOverBed
     position, rotation, velocity, angular_velocity : arrays, shape (5, 3), (5, 3, 3), (5, 3), (5, 3)
         Of the bodies, as in `exumob.vehicle.motion.BodyStates`, world axes.
-    terms : array, shape (5, 6, 5), changed
+    terms : array, shape (5, 6, 6), changed
         Body, component, term [N, N m]: times their coefficients they add up to the loads.
     """
     terms[:] = 0.0
     half = 0.5 * density
+    heading = horizontal_motion(rotation[0], velocity[0])
     for body in range(5):
         depth = local_depth(around, position[body, 0], position[body, 1])
         if depth <= 0.0:
@@ -188,14 +188,16 @@ def wave_terms(
                 terms[body, k, 1] = area * strength * froude
                 terms[body, k, 2] = area * strength * immersed
             face = half * diameter * draught
+            drift = heading.cos * (velocity[body, 1] - current_y) - heading.sin * (velocity[body, 0] - current_x)
             for k, arm in ((1, 1.0), (3, 0.5 * (diameter - draught))):
                 terms[body, k, 0] = face * arm * abs(u) * v
                 terms[body, k, 1] = face * arm * froude * abs(u) * v
                 terms[body, k, 2] = face * arm * immersed * abs(u) * v
                 if body < 3:
+                    terms[body, k, 3] = face * arm * abs(u) * drift
                     outward = 1.0 if body == 1 else -1.0
-                    terms[body, k, 3] = face * arm * outward * square
-                    terms[body, k, 4] = face * arm * outward * froude * square
+                    terms[body, k, 4] = face * arm * outward * square
+                    terms[body, k, 5] = face * arm * outward * froude * square
             continue
         length, beam, turning = lengths.hull_length, lengths.hull_beam, angular_velocity[0, 2] * lengths.hull_length
         draught = level - position[0, 2] + lengths.hull_lowest
@@ -233,7 +235,7 @@ def wave_loads(
     ----------
     lengths, density, around, position, rotation, velocity, angular_velocity
         See `wave_terms`.
-    coefficients : array, shape (5, 6, 5)
+    coefficients : array, shape (5, 6, 6)
         `WaveCoefficients.by_body`.
     """
     terms = np.empty(coefficients.shape)
@@ -249,7 +251,7 @@ def wave_loads_along(
 
 
 def terms_along(vehicle: Vehicle, around: WaterOverBed, density: float, states: BodyStates) -> Array:
-    """Return `wave_terms` at all instants of a motion, shape (n, 5, 6, 5)."""
+    """Return `wave_terms` at all instants of a motion, shape (n, 5, 6, 6)."""
     lengths = vehicle_lengths(vehicle)
     found = np.empty((len(states), 5, len(COMPONENTS), TERMS))
     for n in range(len(states)):

@@ -109,7 +109,7 @@ def test_at_rest_on_land_and_above_the_water_there_are_none(vehicle):
 @pytest.mark.parametrize("make", [amphibious_vehicle, light_4x4, small_car], ids=lambda f: f.__name__)
 def test_beyond_the_fitted_runs_they_go_on_as_at_their_edge(make):
     """In fast and deep water: the load over the square of the speed does not depend on the speed any more, and the lift
-    of the hull is below a twentieth of the stagnation pressure. At a bank each wheel has the depth at its place."""
+    of the hull is below a tenth of the stagnation pressure. At a bank each wheel has the depth at its place."""
     vehicle = make()
     level = np.tile(np.eye(3), (5, 1, 1))
     arms = np.vstack([np.zeros(3), vehicle.wheel_centers - vehicle.hull_origin])
@@ -123,7 +123,7 @@ def test_beyond_the_fitted_runs_they_go_on_as_at_their_edge(make):
     np.testing.assert_allclose(of_speed[1:], [of_speed[0]] * 2, rtol=1e-9, atol=1e-12)
     lengths = vehicle_lengths(vehicle)
     assert of_speed[0][0, 0] < 0.0
-    assert abs(of_speed[0][0, 2]) < 0.05 * 500.0 * lengths.hull_length * lengths.hull_beam
+    assert abs(of_speed[0][0, 2]) < 0.1 * 500.0 * lengths.hull_length * lengths.hull_beam
     bank = Water(None, level=0.5 * vehicle.wheel.diameter).over(Terrain.slope(-0.2))
     velocity = np.tile([1.0, 0.0, 0.0], (5, 1))
     found = wave_loads(

@@ -1,0 +1,85 @@
+"""Fit of the waves' coefficients: it finds what made the loads, resists to the side, and holds to its prior."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+from exumob.learning.calibration import fit_wave_coefficients
+from exumob.learning.dataset import base_loads, body_states, water_of
+from exumob.water.wave_loads import (
+    COMPONENTS,
+    FORMS,
+    KINDS,
+    MOST_DRAUGHT,
+    MOST_FROUDE,
+    WaveCoefficients,
+    fitted_coefficients,
+    wave_loads_along,
+)
+
+
+@pytest.fixture(scope="module")
+def made(runs, vehicle):
+    """Runs whose loads are those of known coefficients: the ones that come with exumob, half as large again."""
+    known = WaveCoefficients(1.5 * fitted_coefficients().values, {})
+    found = {}
+    for name, run in runs.items():
+        water, states = water_of(run), body_states(run)
+        waves = wave_loads_along(vehicle, water.over(), water.density, states, known)
+        loads = (base_loads(run, vehicle) + waves).astype(np.float32)
+        found[name] = run.assign(
+            {one: run[one].copy(data=loads) for one in ("water_wrench", "water_wrench_smooth")}
+        )  # fmt: skip
+    return found, known
+
+
+def side_forces(values):
+    """Coefficients of the side forces at the corners of the range of Froude's number and draught."""
+    for n, name in enumerate(KINDS):
+        if "Fy" in FORMS[name]:
+            const, froude, draught = values[n, COMPONENTS.index("Fy"), :3]
+            yield from (const + froude * f + draught * t for f in (0.0, MOST_FROUDE) for t in (0.0, MOST_DRAUGHT))
+
+
+def test_known_coefficients_are_found(made, vehicle):
+    """Terms are alike on so few runs, so loads are compared, not coefficients: to 5 % of their deviation in all runs."""
+    runs, known = made
+    found = fit_wave_coefficients([(vehicle, runs)])
+    assert found.about["runs"] == {vehicle.name: sorted(runs)}
+    one, other = (
+        np.concatenate([
+            wave_loads_along(vehicle, water_of(run).over(), water_of(run).density, body_states(run)[::50], waves)
+            for run in runs.values()
+        ])
+        for waves in (found, known)
+    )  # fmt: skip
+    off = np.sqrt(((one - other) ** 2).mean(axis=0))
+    assert (off <= 1e-9 + 0.05 * other.std(axis=0)).all()
+
+
+def test_side_forces_resist_whatever_the_runs_say(made, vehicle):
+    """Loads of the other sign would push a vehicle aside: at no Froude number and draught of the range they do."""
+    runs, _ = made
+    wrong = {
+        name: run.assign(water_wrench_smooth=2.0 * run["water_wrench_smooth"] * [1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
+        for name, run in runs.items()
+    }
+    for waves in (fitted_coefficients(), fit_wave_coefficients([(vehicle, wrong)])):
+        assert max(side_forces(waves.values)) < 1e-6
+
+
+def test_where_runs_say_nothing_the_prior_holds(made, vehicle):
+    """In still water, at rest, waves have no loads; a run of motion moves the same coefficients."""
+    runs, _ = made
+    prior = fitted_coefficients()
+    name, run = next(iter(runs.items()))
+    still = run.isel(time=slice(0, 200)).copy(deep=True)
+    for moving in ("velocity", "angular_velocity"):
+        still[moving] = 0.0 * still[moving]
+    attrs = {"parameters": run.attrs["parameters"].replace('"current_speed": 1.0', '"current_speed": 0.0')}
+    still = still.assign_attrs(attrs)
+    assert water_of(still).current_speed == 0.0, name
+    assert fit_wave_coefficients([(vehicle, {"still": still})], prior).values == pytest.approx(
+        prior.values, rel=1e-2, abs=1e-3
+    )
+    assert fit_wave_coefficients([(vehicle, runs)], prior).values != pytest.approx(prior.values, rel=1e-2)
