@@ -20,6 +20,7 @@ from scipy.optimize import lsq_linear
 
 from exumob.learning.dataset import base_loads, body_states, usable, water_of
 from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 from exumob.support.provenance import provenance
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.wave_loads import (
@@ -37,6 +38,8 @@ THINNING = 8
 """Interval of the instants that are fitted, in samples of 1 ms."""
 RIDGE = 1e-3
 """Penalty on the distance from the prior, of terms of size 1 [-]."""
+LEAST_LOAD = 1e-3
+"""Deviation of a load over the vehicle's weight below which it counts as this much [-]: smaller ones move nothing."""
 STEERING = ((0, "Fy"), (0, "Mz"), (1, "Fy"), (2, "Fy"))
 """Kind of body and component of the loads that are fitted together."""
 TOGETHER = 4.0
@@ -95,10 +98,14 @@ class _Group:
         self.weight = math.sqrt(math.sqrt(len(runs)) / len(self.terms))
         """Of one row"""
 
+    def deviation(self, loads: Array, moment: bool) -> float:
+        """Deviation of a load, or `LEAST_LOAD` of the vehicle's weight (a moment: times half the wheelbase)."""
+        least = LEAST_LOAD * self.vehicle.mass * GRAVITY * (0.5 * self.vehicle.wheelbase if moment else 1.0)
+        return max(float(loads.std()), least)
+
     def rows(self, bodies: Sequence[int], k: int, size: int) -> list[tuple[Array, Array]]:
         """Rows of the equations of one component of bodies: terms and load, over the load's deviation."""
-        deviation = max(float(self.lacking[:, bodies, k].std()), 1e-12)
-        factor = self.weight / deviation / math.sqrt(len(bodies))
+        factor = self.weight / self.deviation(self.lacking[:, bodies, k], moment=k > 2) / math.sqrt(len(bodies))
         return [(factor * self.terms[:, body, k, :size], factor * self.lacking[:, body, k]) for body in bodies]
 
 
@@ -128,23 +135,25 @@ def _steering_rows(
     ahead = 0.5 * vehicle.wheelbase * np.array([0.0, 1.0, 1.0, -1.0, -1.0])
     aside = 0.5 * vehicle.track * np.array([0.0, 1.0, -1.0, 1.0, -1.0])
     drags = lacking[:, :, 0] - (terms[:, :, 0] * values[list(KIND_OF_BODY), 0]).sum(axis=2)
-    moment = lacking[:, 0, 5] + lacking[:, :, 1] @ ahead - drags @ aside  # that side forces and the hull are to give
+    total = lacking[:, 0, 5] + lacking[:, :, 1] @ ahead - drags @ aside  # that side forces and the hull are to give
 
-    def row(parts: Mapping[tuple[int, int], float], load: Array, weight: float) -> tuple[Array, Array]:
+    def row(
+        parts: Mapping[tuple[int, int], float], load: Array, weight: float, moment: bool = False
+    ) -> tuple[Array, Array]:
         found = np.zeros((len(terms), size))
         for (body, k), factor in parts.items():
             place = places[KIND_OF_BODY[body], k]
             found[:, place] += factor * terms[:, body, k, : place.stop - place.start]
-        factor = weight * group.weight / max(float(load.std()), 1e-12)
+        factor = weight * group.weight / group.deviation(load, moment)
         return factor * found, factor * load
 
     wheels, half = range(1, 5), math.sqrt(0.5)
     return [
         row({(0, 1): 1.0}, lacking[:, 0, 1], 1.0),
-        row({(0, 5): 1.0}, lacking[:, 0, 5], 1.0),
+        row({(0, 5): 1.0}, lacking[:, 0, 5], 1.0, moment=True),
         *(row({(wheel, 1): 1.0}, lacking[:, wheel, 1], half) for wheel in wheels),
         row({(body, 1): 1.0 for body in range(5)}, lacking[:, :, 1].sum(axis=1), TOGETHER),
-        row({(0, 5): 1.0} | {(wheel, 1): ahead[wheel] for wheel in wheels}, moment, TOGETHER),
+        row({(0, 5): 1.0} | {(wheel, 1): ahead[wheel] for wheel in wheels}, total, TOGETHER, moment=True),
     ]
 
 
