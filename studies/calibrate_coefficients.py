@@ -149,17 +149,19 @@ def lines(found: xr.Dataset) -> str:
     loads = ["| run | drag [N] | lift of the hull [N] | trim moment of the hull [N m] |", "|---" * 4 + "|"]
     errors = ["| run | loads of the hull | side force, front axle | final position [%] |", "|---" * 4 + "|"]
 
-    def row(run: str, names: Sequence[str], models: Sequence[str], form: str) -> str:
+    def row(run: str, names: Sequence[str], models: Sequence[str], digits: int) -> str:
         one = found.sel(run=run)
         cells = (
-            "; ".join(format(float(one[name].sel(model=model)), form).replace("nan", "-") for model in models)
+            "; ".join(
+                f"{float(f'{v:.{digits}g}'):,g}".replace("nan", "-") for v in one[name].sel(model=list(models)).values
+            )
             for name in names
         )
         return f"| {run} | {' | '.join(cells)} |"
 
     for run in found["run"].values:
-        loads.append(row(run, ("drag", "lift", "trim"), ("flow", *MODELS), ",.3g"))
-        errors.append(row(run, (*ERRORS, "final"), MODELS, ".2g"))
+        loads.append(row(run, ("drag", "lift", "trim"), ("flow", *MODELS), 3))
+        errors.append(row(run, (*ERRORS, "final"), MODELS, 2))
     return "\n".join([*loads, "", *errors])
 
 

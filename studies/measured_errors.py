@@ -106,13 +106,12 @@ def repeatability(table: xr.Dataset) -> dict[str, Any]:
 def elsewhere(table: xr.Dataset) -> dict[str, Any]:
     """Where coefficients end from the flow in the loop for other vehicles: least and largest share [-].
 
-    Of the calibrated model the worse of two forms counts for each vehicle: the one that it has, and the first one,
-    which was tried blind.
+    The calibrated ones are those that were fitted without the vehicle that is judged.
     """
     others = [name for name in table["run"].values if "/" not in name]
     final = 0.01 * table["final"].sel(run=others)
     ends = {
-        "calibrated": final.sel(model=["calibrated", "first form"]).max("model").values,
+        "calibrated": final.sel(model="without it").values,
         "coefficients": final.sel(model="coefficients").values,
     }
     return {

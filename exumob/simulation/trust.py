@@ -161,8 +161,9 @@ def calibrated_off() -> str:
 def elsewhere_off(name: str) -> str:
     """Say how far lane changes of other vehicles ended from the flow with a model: "calibrated" or "coefficients"."""
     others = measured_errors()["elsewhere"]
+    how = ", with coefficients fitted without it" if name == "calibrated" else ""
     return (
-        f"of other vehicles one lane change each was compared ({', '.join(others['vehicles'])}; "
+        f"of other vehicles one lane change each was compared{how} ({', '.join(others['vehicles'])}; "
         f"{100.0 * others['depth_ratio']:.0f} % depth, a head current of {others['current_speed']:g} m/s of the "
         f"{measured_vehicle()} vehicle by Froude's law): {_percents(*others[name])} of the path away"
     )
@@ -282,7 +283,8 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     same, straight = _same_vehicle(run.vehicle), _is_straight(run)
     networks = isinstance(model, SurrogateHydrodynamics)
     rows = [row for row in table["runs"] if not (networks and row["taught_networks"])]
-    off = [abs(row[name]["speed" if straight else "end"]) for row in rows]
+    scale = time_scale(run.vehicle) if straight and not same else 1.0  # speeds go with times, by Froude's law
+    off = [scale * abs(row[name]["speed" if straight else "end"]) for row in rows]
     mean, worst = float(np.mean(off)), float(np.max(off))
     if straight:
         amount = f"the speed straight ahead is {mean:.2g} m/s (at worst {worst:.2g} m/s) from that with"
@@ -301,6 +303,7 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     if name == "calibrated":
         on += f", to {len(taught)} of which it was fitted"
     which = "this vehicle" if same else f"the {measured_vehicle()} vehicle"
+    which += ", speeds by Froude's law" if straight and not same else ""
     seen = ""
     if networks:
         ends = [abs(row[name]["speed" if straight else "end"]) for row in taught]

@@ -17,6 +17,7 @@ from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics, NoWater
 from exumob.water.mesh_file import hull_mesh
+from exumob.water.wave_loads import fitted_coefficients
 
 logger = logging.getLogger(__name__)
 
@@ -105,8 +106,8 @@ def hydrodynamics_named(
         )
     _warn_once(
         f"{vehicle.name}: no networks know this vehicle ({shown}), so the loads of the water come from coefficients "
-        f"that were calibrated on the {measured_vehicle()} vehicle. How far they are off here is not known; "
-        f"{elsewhere_off('calibrated')}. `exumob learn` makes networks for a vehicle."
+        f"that were calibrated on {', '.join(fitted_coefficients().about['runs'])}. How far they are off here is not "
+        f"known; {elsewhere_off('calibrated')}. `exumob learn` makes networks for a vehicle."
     )
     return CalibratedHydrodynamics(coefficients)
 

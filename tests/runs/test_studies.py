@@ -109,15 +109,15 @@ def test_shipped_networks_reproduce_a_training_run():
 
 
 def test_calibration_study_mends_drag_and_lift():
-    """Three runs are enough to halve the errors of drag and lift on a fourth: D50/U0.5, drag 36 N, lift 48 N."""
+    """Three runs are enough to halve the errors of drag and lift on a fourth: D50/U0.5, drag 38 N, lift 35 N."""
     study = load_study("calibrate_coefficients")
     result = study.main(quick=True).squeeze("run")
-    flow, published, fitted, first = (result.sel(model=name) for name in result["model"].values)
+    flow, published, fitted = (result.sel(model=name) for name in ("flow", "coefficients", "own runs"))
     for name in ("drag", "lift"):
         assert abs(fitted[name] - flow[name]) < 0.5 * abs(published[name] - flow[name]), name
-    assert float(fitted["final"]) < 0.6 * float(published["final"])
-    assert float(fitted["axle_error"]) < 0.4 < 0.8 < float(first["axle_error"])  # a wheel that is turned is lifted
-    assert study.plot(result.expand_dims("run")).axes and "| D50/U0.5 | 36" in study.lines(result.expand_dims("run"))
+    assert float(fitted["final"]) < 0.5 * float(published["final"])
+    assert float(fitted["axle_error"]) < 0.4 < 0.8 < float(published["axle_error"])  # a wheel that is turned is lifted
+    assert study.plot(result.expand_dims("run")).axes and "| D50/U0.5 | 38.3;" in study.lines(result.expand_dims("run"))
 
 
 def test_computational_time_study_measures_time_and_error():

@@ -206,7 +206,7 @@ def test_another_vehicle_gets_the_calibrated_model_and_a_warning(vehicle, sand, 
     wet = simulate(wider, sand, Water.at_ratio(0.6), **STEPS)
     assert wet.attrs["hydrodynamics"] == "CalibratedHydrodynamics"
     assert "wider: no networks know this vehicle (track = 0.7, they were trained with 0.66)" in caplog.text
-    assert "come from coefficients that were calibrated on the amphibious vehicle" in caplog.text
+    assert "come from coefficients that were calibrated on amphibious, light 4x4, large 4x4, small car" in caplog.text
     assert "one lane change each was compared (light 4x4, large 4x4, small car; 50 % depth" in caplog.text
     assert "2.9 to 6.1 % of the path away. `exumob learn` makes networks for a vehicle." in caplog.text
     for inside in ("residual", "seed", "exumob train", "or use the coefficient model"):  # no user knows or needs them
