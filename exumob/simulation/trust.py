@@ -98,9 +98,10 @@ class Trust:
         where = {
             "measured": ", measured on runs like this one: ",
             "beyond": f", beyond what was measured: {self._beyond}. {self.advice} Where measured, ",
-            "not validated": f", not validated: {self.advice} {self._untried}",
+            "not validated": f", not validated: {self.advice} ",
         }[self.status]  # fmt: skip
-        return f"{self.model}{where}{self.error} {self.soil}".replace("  ", " ")
+        untried = self._untried if self.status == "not validated" else ""
+        return f"{self.model}{where}{self.error} {untried}{self.soil}".replace("  ", " ")
 
     @property
     def _beyond(self) -> str:

@@ -121,7 +121,7 @@ def test_calibrated_coefficients_count_on_all_runs_and_say_to_how_many_they_were
     assert other.status == "not validated" and "this vehicle (light 4x4) is not the one that was compared" in other.line
     for name, one in (("calibrated", other), ("coefficients", trust_of(replace(COEFFICIENTS, vehicle=OTHER)))):
         low, high = measured_errors()["elsewhere"][name]
-        assert "one lane change each was compared (light 4x4, large 4x4, small car; 50 % depth, a head" in one.line
+        assert "(light 4x4, large 4x4, small car; 50 % depth, a head" in one.line
         assert f"by Froude's law): {100 * low:.2g} to {100 * high:.2g} % of the path away." in one.line
     own = replace(run, hydrodynamics=CalibratedHydrodynamics(Coefficients(hull_surge_drag=1.0)))
     assert "coefficients of your own" in trust_of(own).line
