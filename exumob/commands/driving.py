@@ -190,7 +190,7 @@ def check_effects(
         refuse_without_effect(
             f"with --hydrodynamics {model.value}", "add --hydrodynamics cfd, or leave {it} out", *FLOW
         )
-    if model not in (WaterModel.networks, WaterModel.auto):
+    if model not in (WaterModel.networks, WaterModel.auto, WaterModel.calibrated):
         remedy = "leave one out, or choose --hydrodynamics networks"
         refuse_without_effect(f"with --hydrodynamics {model.value}", remedy, "networks", "members")
     if micro_step is not None and macro_step is not None:

@@ -103,7 +103,7 @@ def _verdict(c: CardContents) -> str:
     if c.figures["drives"]:
         ends, others = ([one[name] for one in c.figures["drives"]] for name in ("end", "coefficients_end"))
         known = [end for end in others if end is not None]
-        alone = f", with the calibrated coefficients {100.0 * float(np.mean(known)):.3g} %" if known else ""
+        alone = f", with coefficients fitted to the same runs {100.0 * float(np.mean(known)):.3g} %" if known else ""
         shares = 100.0 * float(np.mean([one["fallback"] for one in c.figures["drives"]]))
         drives = (
             f"Drives end {100.0 * float(np.mean(ends)):.3g} % of the path (at worst {100.0 * max(ends):.3g} %) from "
@@ -116,8 +116,8 @@ def _verdict(c: CardContents) -> str:
         else "There are no error bars: these are networks of one seed."
     )
     return (
-        f"On runs that they have not seen the loads are off by {error:.2f} of their deviation, {better} the calibrated "
-        f"coefficients alone ({base:.2f}). {drives} {bars} {shortfall(c.figures)}"
+        f"On runs that they have not seen the loads are off by {error:.2f} of their deviation, {better} the "
+        f"coefficients fitted to the same runs ({base:.2f}). {drives} {bars} {shortfall(c.figures)}"
     ).rstrip()
 
 
@@ -174,8 +174,8 @@ def _load_text(c: CardContents) -> str:
     text = (
         "Root mean square error over the standard deviation of the flow's loads in all runs kept apart; below 1 a "
         "model knows more than the mean. Deviations of less than a thousandth of the weight (a moment: times half the "
-        "wheelbase) count as that much. In brackets: the calibrated coefficients alone. Two repetitions of one flow "
-        f"differ by about 0.2. By run (mean): {runs}."
+        "wheelbase) count as that much. In brackets: the coefficients fitted to the same runs, alone. Two repetitions "
+        f"of one flow differ by about 0.2. By run (mean): {runs}."
     )
     return f"<p>{html.escape(text)}</p>"
 
@@ -218,8 +218,8 @@ def _drive_text(c: CardContents) -> str:
         "The vehicle drives on "
         + str(c.figures["soil"])
         + " with the networks (steps of the setting fast) and with the "
-        "calibrated coefficients; its path is compared with that of the run with the flow in the loop, over the length "
-        "of that path."
+        "coefficients fitted to the same runs; its path is compared with that of the run with the flow in the loop, "
+        "over the length of that path."
     )
     return f"<p>{html.escape(text)}</p>"
 

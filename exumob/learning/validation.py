@@ -36,7 +36,7 @@ DEVIATIONS = tuple(round(0.25 * n, 2) for n in range(1, 17))
 """Widths of error bars that are looked at, in standard deviations of the ensemble [-]."""
 TWO = DEVIATIONS.index(2.0)
 BETTER = 0.95
-"""Error over that of the calibrated coefficients from which networks are called no better than they are [-]."""
+"""Error over that of the coefficients from which networks are called no better than they are [-]."""
 LEAST_LOAD = 1e-3
 """Deviation of a load over the vehicle's weight (a moment: times half the wheelbase) below which an error is taken over
 this much: the dry hull of shallow water has loads of next to nothing, and errors of many times that do nothing [-]."""
@@ -46,7 +46,7 @@ LEAST_PATH = 0.05
 
 @dataclass(frozen=True)
 class Compared:
-    """Loads along one run: of the flow, of the networks with their spread, and of the calibrated coefficients."""
+    """Loads along one run: of the flow, of the networks with their spread, of the coefficients that they rest on."""
 
     time: Array
     """[s], shape (n,)"""
@@ -69,7 +69,7 @@ def compare_loads(members: Sequence[NetworkSet], run: xr.Dataset, vehicle: Vehic
     vehicle : Vehicle
     """
     rows = np.flatnonzero(usable(run))[::THINNING]
-    base, waves = base_loads(run, vehicle), fitted_coefficients()
+    base, waves = base_loads(run, vehicle), members[0].waves or fitted_coefficients()
     loads = np.stack([predicted_loads(member, run, vehicle, rows, base) for member in members])
     spread = loads.std(axis=0, ddof=1) if len(members) > 1 else np.zeros(loads.shape[1:])
     flow = run["water_wrench_smooth"].values[rows].astype(float)
@@ -132,7 +132,7 @@ def load_errors(compared: Mapping[str, Compared], vehicle: Vehicle) -> xr.Datase
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive with networks and one with the calibrated coefficients, beside the same with the flow in the loop."""
+    """A drive with networks and one with the coefficients that they rest on, beside that with the flow in the loop."""
 
     name: str
     maneuver: str
@@ -153,7 +153,7 @@ class Drive:
 
 
 def compare_drives(members: Sequence[NetworkSet], plan: LearningPlan, runs: Mapping[str, xr.Dataset]) -> list[Drive]:
-    """Drive the free runs again with networks and with the calibrated coefficients.
+    """Drive the free runs again with networks and with the coefficients that they rest on.
 
     Parameters
     ----------
@@ -173,7 +173,8 @@ def _drive(members: Sequence[NetworkSet], task: FreeTask, vehicle: Vehicle, refe
     paths = {"flow in the loop": _path(reference)}
     length = float(np.hypot(*np.diff(paths["flow in the loop"], axis=1)).sum())
     models: dict[str, Hydrodynamics] = {
-        "networks": SurrogateHydrodynamics(list(members)), "coefficients": CalibratedHydrodynamics()
+        "networks": SurrogateHydrodynamics(list(members)),
+        "coefficients": CalibratedHydrodynamics(waves=members[0].waves),
     }  # fmt: skip
     measures: dict[str, dict[str, float] | None] = {}
     shares: dict[str, float] = {}
@@ -204,7 +205,7 @@ def _path(run: xr.Dataset) -> Array:
 
 
 def shortfall(figures: Mapping[str, Any]) -> str:
-    """Say where networks are no better than the calibrated coefficients, and what to do; empty if they are better.
+    """Say where networks are no better than coefficients fitted to the same runs, and what to do; empty if they are.
 
     Parameters
     ----------
@@ -219,9 +220,12 @@ def shortfall(figures: Mapping[str, Any]) -> str:
         worse.append("in where drives end")
     if not worse:
         return ""
+    fitted = "coefficients that were fitted to the same runs, which their file holds as well"
+    others = fitted if figures["rests"] else "calibrated ones"
     return (
-        f"These networks are no better than the calibrated coefficients {' and '.join(worse)}: drive with these "
-        "(hydrodynamics='calibrated'), or give the same command a larger --budget, which adds runs to those there are."
+        f"These networks are no better {' and '.join(worse)} than the {others}"
+        ": drive with these (add --hydrodynamics calibrated), or give the same command a larger --budget, which adds "
+        "runs to those there are."
     )
 
 
@@ -259,6 +263,7 @@ def card_figures(
         "vehicle": plan.vehicle.name, "parameters": card_parameters(plan.vehicle), "members": len(members),
         "cell_size": plan.cell_size,
         "runs": len(apart), "seconds": float(sum(float(run["time"][-1]) for run in taught.values())),
+        "rests": members[0].waves is not None,
         "load_error": float(errors["networks"].mean()), "coefficients_load_error": float(errors["coefficients"].mean()),
         "worst_load": f"{str(body).replace('_', ' ')} {component} {float(worst.max()):.2f}",
         "inside": float(errors["inside"][TWO]), "depth_ratio": [min(ratios), max(ratios)],

@@ -33,6 +33,7 @@ from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics, NoWater
+from exumob.water.wave_loads import fitted_coefficients
 
 CLOSE = 1.0e-3
 """Relative difference up to which a value counts as the one that was measured [-]."""
@@ -281,6 +282,11 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
             advice = "networks of your own; compare them with runs that they have not learnt."
             return Trust("networks", "not validated", "", soil, advice=advice)
         name = shipped
+    if isinstance(model, CalibratedHydrodynamics) and model.waves.digest() != fitted_coefficients().digest():
+        advice = (
+            "coefficients that were fitted to other runs than those of exumob; compare them with the flow in the loop."
+        )
+        return Trust(name, "not validated", "", soil, advice=advice)
     same, straight = _same_vehicle(run.vehicle), _is_straight(run)
     networks = isinstance(model, SurrogateHydrodynamics)
     rows = [row for row in table["runs"] if not (networks and row["taught_networks"])]

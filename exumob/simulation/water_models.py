@@ -53,7 +53,8 @@ def hydrodynamics_named(
     name : str
         One of `MODELS`. ``"auto"``: the networks if they were trained for this vehicle, else ``"calibrated"``, and a
         warning says why; on dry ground `NoWater`. ``"calibrated"``: published coefficients with fitted loads of the
-        vehicle's own waves; ``"coefficients"``: without these.
+        vehicle's own waves, those that were fitted to the runs of `networks` if these are given;
+        ``"coefficients"``: without these.
     vehicle : Vehicle
     water : Water or None
         None: dry ground.
@@ -76,7 +77,7 @@ def hydrodynamics_named(
         return NoWater()
     if name == "coefficients":
         return CoefficientHydrodynamics(coefficients)
-    if name == "calibrated":
+    if name == "calibrated" and not networks:
         return CalibratedHydrodynamics(coefficients)
     if coefficients is not None and coefficients != Coefficients():
         if name == "networks" or networks:
@@ -89,7 +90,14 @@ def hydrodynamics_named(
     if networks:
         for network in model.networks:
             network.check_vehicle(vehicle)
-        return model
+        if name == "networks" or name == "auto":
+            return model
+        if model.waves is None:
+            raise ValueError(
+                f"hydrodynamics = 'calibrated': the networks ({model.networks[0].name}) rest on no coefficients that "
+                "were fitted to their runs; give some of the preset 'residual' or of `exumob learn`, or leave them out."
+            )
+        return CalibratedHydrodynamics(waves=model.waves)
     differences = shape_differences(vehicle, model.networks[0].about["geometry"])
     if not differences:
         return model

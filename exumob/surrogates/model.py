@@ -92,7 +92,8 @@ class SurrogateHydrodynamics:
                 f"SurrogateHydrodynamics.networks: {', '.join(n.name for n in self.networks)} rest on {len(bases)} "
                 "different sets of coefficients; use networks that were trained together (`exumob train`)."
             )
-        self._waves = next(iter(bases.values()), None)
+        self.waves = next(iter(bases.values()), None)
+        """Coefficients of the waves that the networks rest on, fitted to their runs; None: they rest on none."""
         self._groups = [(NetworkSet.stacked(group), len(group)) for group in groups.values()]
         self._water: Water | None = None
         self._bed = Terrain()
@@ -122,8 +123,8 @@ class SurrogateHydrodynamics:
                     f"networks ({network.name}) sample the past every {1e3 * SAMPLING:g} ms; macro_step = "
                     f"{1e3 * macro_step:g} ms must be a whole multiple of it."
                 )
-        based = self._waves is not None
-        self._coefficients = CalibratedHydrodynamics(waves=self._waves) if based or self.fallback else None
+        based = self.waves is not None
+        self._coefficients = CalibratedHydrodynamics(waves=self.waves) if based or self.fallback else None
         if self._coefficients is not None:
             self._coefficients.set_bed(self._bed)
             self._coefficients.start(vehicle, water, macro_step)

@@ -12,6 +12,7 @@ from exumob.learning.dataset import pack
 from exumob.simulation.ensemble import add_members
 from exumob.simulation.run import simulate
 from exumob.simulation.summary import summary
+from exumob.simulation.water_models import hydrodynamics_named
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
 from exumob.surrogates.networks import NetworkSet
 from exumob.water.calibrated import CalibratedHydrodynamics
@@ -54,6 +55,10 @@ def test_networks_keep_the_calibrated_coefficients_that_they_were_added_to(vehic
         for model in (old, SurrogateHydrodynamics(other))
     )
     assert np.array_equal(a["position"], b["position"])
+    named = hydrodynamics_named("calibrated", vehicle, HEAD_CURRENT, networks=[tmp_path / "other.safetensors"])
+    assert isinstance(named, CalibratedHydrodynamics) and named.waves.digest() == old.waves.digest()
+    own = simulate(vehicle, sand, HEAD_CURRENT, lane_change(), named, duration=0.1, **STEPS)
+    assert "calibrated, not validated: coefficients that were fitted to other runs than those of" in own.attrs["trust"]
     with pytest.raises(ValueError, match="2 different sets of coefficients"):
         SurrogateHydrodynamics([other, residual(vehicle)])
 

@@ -109,6 +109,8 @@ def test_a_drive_takes_the_file(file):
     more = hydrodynamics_named("networks", CAR, Water(0.12), networks=[file, MEMBERS[0]])
     assert len(more.networks) == 4 and isinstance(more.networks[3], NetworkSet)
     assert len(SurrogateHydrodynamics(file).networks) == 3
+    with pytest.raises(ValueError, match="rest on no coefficients that were fitted to their runs; give some"):
+        hydrodynamics_named("calibrated", CAR, Water(0.12), networks=[file])
     with pytest.raises(ValueError, match=r"networks\.safetensors holds 3 sets of networks .* a file of one is wanted"):
         NetworkSet.load(file)
 

@@ -40,7 +40,7 @@ def test_errors_are_taken_over_deviations_that_a_vehicle_feels(vehicle, part):
 )
 def test_networks_no_better_than_coefficients_are_called_so(loads, ends, said):
     figures = {
-        "load_error": loads[0], "coefficients_load_error": loads[1],
+        "rests": True, "load_error": loads[0], "coefficients_load_error": loads[1],
         "drives": [{"end": one, "coefficients_end": other} for one, other in ends],
     }  # fmt: skip
     text = shortfall(figures)
