@@ -14,6 +14,7 @@ from exumob.learning.presets import BEST, PRESETS
 from exumob.support.arrays import Array
 from exumob.support.figures import STYLE
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
+from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.hydrodynamics import Hydrodynamics
 
@@ -21,12 +22,14 @@ ENSEMBLE = f"{BEST}, ensemble"
 """The networks that come with exumob, all together."""
 PUBLISHED = "published coefficients"
 """`CoefficientHydrodynamics`, none of whose coefficients is fitted to the runs."""
+FITTED = "fitted coefficients"
+"""`CalibratedHydrodynamics` with the coefficients that the shipped networks rest on, fitted to the same runs."""
 MEASURES = (("path", 1.0, "%"), ("final", 1.0, "%"), ("yaw", 1.0, "deg"), ("lateral_velocity", 1e3, "mm/s"))
 """Columns of a table: measure, factor, unit."""
 
 
 def load_models(folder: Path, presets: Sequence[str] = tuple(PRESETS)) -> dict[str, list[Hydrodynamics]]:
-    """Load the members of each model: published coefficients, networks trained into a folder, shipped ensemble.
+    """Load the members of each model: coefficients, networks trained into a folder, shipped ensemble.
 
     Parameters
     ----------
@@ -45,13 +48,16 @@ def load_models(folder: Path, presets: Sequence[str] = tuple(PRESETS)) -> dict[s
     ValueError
         If the folder holds no networks of a preset.
     """
-    found: dict[str, list[Hydrodynamics]] = {PUBLISHED: [CoefficientHydrodynamics()]}
+    shipped = SurrogateHydrodynamics(shipped_networks())
+    found: dict[str, list[Hydrodynamics]] = {
+        PUBLISHED: [CoefficientHydrodynamics()], FITTED: [CalibratedHydrodynamics(waves=shipped.waves)]
+    }  # fmt: skip
     for preset in presets:
         files = sorted(folder.glob(f"{preset}_seed*.safetensors"))
         if not files:
             raise ValueError(f"{folder} holds no networks of {preset}; first: exumob train --output {folder}")
         found[preset] = [SurrogateHydrodynamics(file) for file in files]
-    return found | {ENSEMBLE: [SurrogateHydrodynamics(shipped_networks())]}
+    return found | {ENSEMBLE: [shipped]}
 
 
 def plot_paths(
