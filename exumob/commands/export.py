@@ -31,5 +31,6 @@ def export_command(
     except ImportError as error:
         fail(ImportError(f"{error}; the export needs onnx: pip install 'exumob[onnx]'"))
     base = found.architecture.base
-    added = "" if base == "none" else f"; to its loads those of the model '{base}' are to be added"
+    waves = ", with the coefficients of waves that its metadata hold," if "waves" in found.about else ""
+    added = "" if base == "none" else f"; to its loads those of the model '{base}'{waves} are to be added"
     console.print(f"{file}: {found.name}{added}", soft_wrap=True)

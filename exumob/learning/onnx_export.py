@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,8 @@ def export_onnx(networks: NetworkSet, file: str | Path) -> Path:
 
     Input ``states``, float32, shape (n, 5, taps, k): unscaled, oldest first, bodies and inputs as the file's metadata
     say. Output ``loads``, shape (n, 5, 6): N and N m, body axes. Scaling and the training range's edge,
-    at which inputs are held, are part of the graph; a base model, whose loads are to be added, is not.
+    at which inputs are held, are part of the graph; a base model, whose loads are to be added, is not: the metadata
+    ``waves`` hold its coefficients of waves (`exumob.water.wave_loads.WaveCoefficients.values`).
 
     Parameters
     ----------
@@ -70,6 +72,7 @@ def export_onnx(networks: NetworkSet, file: str | Path) -> Path:
             "filters": ", ".join(f"{tau:g}" for tau in architecture.filters)
             + " s: time constants of filtered inputs, which stand before the taps" * bool(architecture.filters),
             "base": architecture.base,
+            "waves": json.dumps(networks.about.get("waves", [])),
             "networks": f"{networks.name}, {networks.digest()}",
         },
     )
