@@ -205,7 +205,12 @@ def main(quick: bool = False, jobs: int = 2, present_only: bool = False) -> xr.D
     if quick:
         return table(found)
     about = {"command": "python studies/calibrate_coefficients.py"}
-    replace(fitted, about=about | fitted.about).save(FITTED)
+    if len(others) == len(OTHERS):
+        replace(fitted, about=about | fitted.about).save(FITTED)
+    else:
+        print(
+            f"{FITTED.name} stays as it is: only the flow runs of {', '.join(others) or 'no other vehicle'} are there."
+        )
     for name, (other, task, run) in others.items():
         assert isinstance(task.maneuver, LaneChange)
         without = fit_wave_coefficients([group for key, group in groups.items() if key != name])

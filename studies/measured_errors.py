@@ -1,8 +1,9 @@
 """How far off is each model of the water? The figures that every result states in its line of trust.
 
 The thirteen lane changes with the flow in the loop (`data/cfd_mbd`) are driven anew with the networks that come with
-exumob, the default ensemble and the paper's, and with the published coefficients, at the steps that are the default,
-and the vehicle goes straight ahead in the same water. What is found is written to
+exumob, the default ensemble and the paper's, with the coefficients that the ensemble rests on ("fitted"), the
+calibrated and the published ones, at the steps that are the default, and the vehicle goes straight ahead in the same
+water. What is found is written to
 `exumob/support/measured_errors.json`, which `exumob.simulation.trust` reads, with what other studies measured: how far
 runs with the flow in the loop repeat (`cfd_lane_change.nc`), its loads beside another program, and the soil's forces
 beside measurements (`docs/validation.md`).
@@ -147,7 +148,8 @@ def main(quick: bool = False) -> dict[str, Any]:
     ensemble = SurrogateHydrodynamics()
     named = {name: SurrogateHydrodynamics(name) for name in NAMED}
     models: dict[str, Hydrodynamics] = {
-        "networks": ensemble, **named, "calibrated": CalibratedHydrodynamics(),
+        "networks": ensemble, **named, "fitted": CalibratedHydrodynamics(waves=ensemble.waves),
+        "calibrated": CalibratedHydrodynamics(),
         "coefficients": CoefficientHydrodynamics(),
     }  # fmt: skip
     chosen = UNSEEN[:1] if quick else (*TRAINING, *UNSEEN)

@@ -21,7 +21,7 @@ def made_up(architecture, vehicle, seed=0):
     }  # fmt: skip
     about = {"preset": "made up", "seed": seed, "geometry": geometry(vehicle)}
     if architecture.base == "coefficients":
-        about["waves"] = fitted_coefficients().values.tolist()
+        about["waves"] = fitted_coefficients().terms
     return NetworkSet(architecture, {n: a.astype(np.float32) for n, a in arrays.items()}, about)
 
 

@@ -71,7 +71,8 @@ Networks = Annotated[
     option(
         WATER,
         "File of networks that `exumob train` or `learn` wrote; several, each after a --networks of its own, are an "
-        "ensemble. paper-lstm: the paper's, which come with exumob. Default: the ensemble that comes with it.",
+        "ensemble. paper-lstm: the paper's, which come with exumob. Default: the ensemble that comes with it. With "
+        "--hydrodynamics calibrated: the coefficients that were fitted to the runs of these networks.",
     ),
 ]
 Members = Annotated[bool, option(WATER, "Drive with each network alone, too: error bars on the path.", "--members")]

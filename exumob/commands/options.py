@@ -222,6 +222,8 @@ OPTION_NAMES = {
     "Ford.density": "--density",
     "hydrodynamics='calibrated'": "--hydrodynamics calibrated",
     "hydrodynamics = 'networks'": "--hydrodynamics networks",
+    "hydrodynamics = 'calibrated'": "--hydrodynamics calibrated",
+    "hydrodynamics = 'auto'": "--hydrodynamics auto",
 }
 """What errors call a value in Python, and the option that gives it at the command line."""
 _NAMES = re.compile(

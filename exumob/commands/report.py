@@ -127,7 +127,7 @@ def _range_lines(figures: dict[str, Any]) -> dict[str, str]:
     if "out_of_range_share" not in figures:
         return {}
     return {
-        "training range": f"left for {100 * figures['out_of_range_share']:.1f} % of the time; coefficient model's "
+        "training range": f"left for {100 * figures['out_of_range_share']:.1f} % of the time; coefficients' "
         f"share of the loads {100 * figures['fallback_share']:.1f} %"
     }
 

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.optimize import lsq_linear
 
@@ -38,6 +39,8 @@ THINNING = 8
 """Interval of the instants that are fitted, in samples of 1 ms."""
 RIDGE = 1e-3
 """Penalty on the distance from the prior, of terms of size 1 [-]."""
+LEAST = 1e-7
+"""Size of a coefficient below which it is rounding, and 0 [-]; others are kept to five digits."""
 LEAST_LOAD = 1e-3
 """Deviation of a load over the vehicle's weight below which it counts as this much [-]: smaller ones move nothing."""
 STEERING = ((0, "Fy"), (0, "Mz"), (1, "Fy"), (2, "Fy"))
@@ -65,7 +68,17 @@ def fit_wave_coefficients(groups: Sequence[Runs], prior: WaveCoefficients | None
     -------
     WaveCoefficients
         Their `about` names the program, the vehicles and their runs.
+
+    Raises
+    ------
+    ValueError
+        If there is no vehicle, one without runs, two of one name, or a run without usable instants.
     """
+    names = [vehicle.name for vehicle, _ in groups]
+    empty = [vehicle.name for vehicle, runs in groups if not runs]
+    if not groups or empty or len(set(names)) < len(names):
+        what = f"{', '.join(empty)} has no runs" if empty else f"vehicles are {', '.join(names) or 'none'}"
+        raise ValueError(f"fit_wave_coefficients.groups: {what}; give vehicles of different names, each with its runs.")
     fitted = [_Group(vehicle, runs) for vehicle, runs in groups]
     start = np.zeros(WaveCoefficients.SHAPE) if prior is None else prior.values
     values = np.zeros(WaveCoefficients.SHAPE)
@@ -80,7 +93,7 @@ def fit_wave_coefficients(groups: Sequence[Runs], prior: WaveCoefficients | None
     _add_steering(values, start, fitted)
     about = {name: provenance()[name] for name in ("exumob_version", "git_revision", "date")}
     vehicles = {vehicle.name: sorted(runs) for vehicle, runs in groups}
-    rounded = np.vectorize(lambda value: float(f"{value:.5g}"))(values)  # as in a file, and on any machine
+    rounded = np.vectorize(lambda value: float(f"{value:.5g}"))(np.where(np.abs(values) < LEAST, 0.0, values))
     return WaveCoefficients(rounded, about | {"runs": vehicles})
 
 
@@ -88,13 +101,18 @@ class _Group:
     """Terms and lacking loads of the runs of one vehicle."""
 
     def __init__(self, vehicle: Vehicle, runs: Mapping[str, xr.Dataset]) -> None:
-        terms, lacking = [], []
-        for run in runs.values():
+        terms, lacking, turned = [], [], []
+        for name, run in runs.items():
             rows = np.flatnonzero(usable(run))[::THINNING]
-            water = water_of(run)
-            terms.append(terms_along(vehicle, water.over(), water.density, body_states(run)[rows]))
+            if not len(rows):
+                raise ValueError(f"fit_wave_coefficients.groups: run {name} has no usable instant; leave it out.")
+            water, states = water_of(run), body_states(run)[rows]
+            terms.append(terms_along(vehicle, water.over(), water.density, states))
             lacking.append((run["water_wrench_smooth"].values - base_loads(run, vehicle))[rows])
+            turned.append(np.einsum("nji,nbjk->nbik", states.rotation[:, 0], states.rotation))
         self.vehicle, self.terms, self.lacking = vehicle, np.concatenate(terms), np.concatenate(lacking)
+        self.turned = np.concatenate(turned)
+        """From the axes of each body to those of the hull, shape (n, 5, 3, 3)"""
         self.weight = math.sqrt(math.sqrt(len(runs)) / len(self.terms))
         """Of one row"""
 
@@ -118,11 +136,13 @@ def _add_steering(values: Array, start: Array, groups: Sequence[_Group]) -> None
         for (kind, component), size, end in zip(STEERING, sizes, ends, strict=True)
     }
     rows = [row for group in groups for row in _steering_rows(group, values, places, int(ends[-1]))]
-    sideways = [component == "Fy" for _, component in STEERING]
-    bases = [_resisting(size) if side else np.eye(size) for side, size in zip(sideways, sizes, strict=True)]
-    held = np.concatenate([np.arange(base.shape[1]) < 4 * side for side, base in zip(sideways, bases, strict=True)])
+    bases = [
+        _resisting(FORMS[KINDS[kind]][component]) if component == "Fy" else (np.eye(size), np.zeros(size, bool))
+        for (kind, component), size in zip(STEERING, sizes, strict=True)
+    ]
     near = np.concatenate([start[kind, k, : place.stop - place.start] for (kind, k), place in places.items()])
-    found = _least_squares(rows, near, block_diag(*bases), held)
+    base, held = block_diag(*(base for base, _ in bases)), np.concatenate([held for _, held in bases])
+    found = _least_squares(rows, near, base, held)
     for (kind, k), place in places.items():
         values[kind, k, : place.stop - place.start] = found[place]
 
@@ -130,43 +150,57 @@ def _add_steering(values: Array, start: Array, groups: Sequence[_Group]) -> None
 def _steering_rows(
     group: _Group, values: Array, places: Mapping[tuple[int, int], slice], size: int
 ) -> list[tuple[Array, Array]]:
-    """Rows of the parts' equations, and of those of the vehicle's side force and yaw moment."""
-    vehicle, terms, lacking = group.vehicle, group.terms, group.lacking
-    ahead = 0.5 * vehicle.wheelbase * np.array([0.0, 1.0, 1.0, -1.0, -1.0])
-    aside = 0.5 * vehicle.track * np.array([0.0, 1.0, -1.0, 1.0, -1.0])
-    drags = lacking[:, :, 0] - (terms[:, :, 0] * values[list(KIND_OF_BODY), 0]).sum(axis=2)
-    total = lacking[:, 0, 5] + lacking[:, :, 1] @ ahead - drags @ aside  # that side forces and the hull are to give
+    """Rows of the parts' equations, and of those of the vehicle's side force and yaw moment.
+
+    These two are in the hull's axes about its origin, so that the loads of a steered wheel are turned first.
+    """
+    vehicle, terms, lacking, turned = group.vehicle, group.terms, group.lacking, group.turned
+    arms = np.vstack([np.zeros(3), vehicle.wheel_centers - vehicle.hull_origin])
+    known = lacking - (terms * values[list(KIND_OF_BODY)]).sum(axis=3)  # what is fitted here has coefficients of 0 yet
+    force = np.einsum("nbij,nbj->nbi", turned, known[..., :3])
+    spin = arms[:, 0] * force[..., 1] - arms[:, 1] * force[..., 0]
+    moment = spin + np.einsum("nbj,nbj->nb", turned[:, :, 2], known[..., 3:])
+    lever = arms[:, 0] * turned[:, :, 1, 1] - arms[:, 1] * turned[:, :, 0, 1]  # of a body's own side force
 
     def row(
-        parts: Mapping[tuple[int, int], float], load: Array, weight: float, moment: bool = False
+        parts: Mapping[tuple[int, int], Array | float], load: Array, weight: float, moment: bool = False
     ) -> tuple[Array, Array]:
         found = np.zeros((len(terms), size))
         for (body, k), factor in parts.items():
             place = places[KIND_OF_BODY[body], k]
-            found[:, place] += factor * terms[:, body, k, : place.stop - place.start]
-        factor = weight * group.weight / group.deviation(load, moment)
-        return factor * found, factor * load
+            found[:, place] += np.asarray(factor)[..., None] * terms[:, body, k, : place.stop - place.start]
+        scale = weight * group.weight / group.deviation(load, moment)
+        return scale * found, scale * load
 
     wheels, half = range(1, 5), math.sqrt(0.5)
+    aside = {(body, 1): turned[:, body, 1, 1] for body in range(5)}
+    about = {(0, 5): 1.0} | {(wheel, 1): lever[:, wheel] for wheel in wheels}
     return [
         row({(0, 1): 1.0}, lacking[:, 0, 1], 1.0),
         row({(0, 5): 1.0}, lacking[:, 0, 5], 1.0, moment=True),
         *(row({(wheel, 1): 1.0}, lacking[:, wheel, 1], half) for wheel in wheels),
-        row({(body, 1): 1.0 for body in range(5)}, lacking[:, :, 1].sum(axis=1), TOGETHER),
-        row({(0, 5): 1.0} | {(wheel, 1): ahead[wheel] for wheel in wheels}, total, TOGETHER, moment=True),
+        row(aside, force[..., 1].sum(axis=1), TOGETHER),
+        row(about, moment.sum(axis=1), TOGETHER, moment=True),
     ]
 
 
-def _resisting(size: int) -> Array:
-    """Directions of the coefficients of a side force, of which the first four, weighted <= 0, resist a side speed.
+def _resisting(forms: Sequence[str]) -> tuple[Array, NDArray[np.bool_]]:
+    """Directions of the coefficients of a side force that resists a side speed, if those that are marked weigh <= 0.
 
     A linear function of Froude's number F and the draught t is nowhere positive in a rectangle of both if, and only if,
-    it is a sum of F, `MOST_FROUDE` - F, t and `MOST_DRAUGHT` - t with weights none of which is positive (Farkas).
+    it is a sum of F, `MOST_FROUDE` - F, t and `MOST_DRAUGHT` - t with weights none of which is positive (Farkas). A
+    wheel that is not steered has one side speed only: with the coefficient of the wash the sum is not positive either.
     """
-    base = np.zeros((size, size + 1))
-    base[:3, :4] = [[0.0, MOST_FROUDE, 0.0, MOST_DRAUGHT], [1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]]
-    base[3:, 4:] = np.eye(size - 3)
-    return base
+    size, wash = len(forms), "wash" in forms
+    columns = [
+        [0.0, 1.0, 0.0], [MOST_FROUDE, -1.0, 0.0], [0.0, 0.0, 1.0], [MOST_DRAUGHT, 0.0, -1.0],
+    ]  # fmt: skip
+    held = np.zeros((size, 6 if wash else 4))
+    held[:3, :4] = np.transpose(columns)
+    if wash:
+        held[0, 4], held[3, 4], held[3, 5] = 1.0, -1.0, 1.0
+    free = np.eye(size)[:, 4 if wash else 3 :]
+    return np.hstack([held, free]), np.arange(held.shape[1] + free.shape[1]) < held.shape[1]
 
 
 def _least_squares(rows: Sequence[tuple[Array, Array]], near: Array, base: Array, held: Array) -> Array:
@@ -177,5 +211,6 @@ def _least_squares(rows: Sequence[tuple[Array, Array]], near: Array, base: Array
     ridge = RIDGE * np.eye(len(near))
     root = np.linalg.cholesky(square / np.outer(scale, scale) + ridge).T
     aim = np.linalg.solve(root.T, right / scale + ridge @ (scale * near))
-    weights = lsq_linear(root @ (scale[:, None] * base), aim, (-np.inf, np.where(held, 0.0, np.inf))).x
+    limits = (-np.inf, np.where(held, 0.0, np.inf))
+    weights = lsq_linear(root @ (scale[:, None] * base), aim, limits, method="bvls").x
     return np.asarray(base @ weights)

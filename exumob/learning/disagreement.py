@@ -46,7 +46,7 @@ class Disagreement:
     out_of_range: float
     """Share of the time that some body is outside the training range [-]"""
     fallback: float
-    """Largest share of the coefficient model in the loads of a body, mean over time [-]"""
+    """Largest share of the coefficients in the loads of a body, mean over time [-]"""
 
     @property
     def total(self) -> float:

@@ -34,6 +34,7 @@ from exumob.towing_tank.excitation import CHANNELS, FREE_STEERING, SLOW, Envelop
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 from exumob.water.mesh_file import mesh_digest
+from exumob.water.wave_loads import fitted_coefficients
 
 logger = logging.getLogger(__name__)
 
@@ -47,7 +48,7 @@ TAILS = 0.01
 """Part of the instants that may lie below, and above, the envelope [-]."""
 MARGIN, WAVES_MARGIN = 0.1, 0.5
 """By how much the ranges are made wider on either side, over their width [-]; the second one of heave, pitch and roll:
-the coefficient model knows no waves, which make a hull trim and heave."""
+coefficients that were calibrated on other vehicles know little of how this one trims and heaves."""
 LEAST = {"speed": 0.1, "sway": 0.05, "yaw_rate": 0.1, "slip": 0.05, "steering": 0.1, "pitch": 0.01, "roll": 0.01}
 """Least half widths, over the usual speed, the usual speed over the wheelbase, or as they are [rad]; those of heave and
 sinkage are a fiftieth of the tyre's diameter."""
@@ -66,7 +67,7 @@ SLOW_BAND, FAST_BAND = (0.5, 1.5), (2.0, 5.0)
 def envelope_of(
     vehicle: Vehicle, waters: Sequence[Water], progress: Callable[[int, int], None] | None = None
 ) -> Envelope:
-    """Drive a vehicle through waters with the coefficient model and return the envelope of its motion.
+    """Drive a vehicle through waters with the calibrated coefficients and return the envelope of its motion.
 
     Parameters
     ----------
@@ -209,4 +210,5 @@ def keep_envelope(envelope: Envelope, vehicle: Vehicle, wanted: LearningRange, f
 
 def envelope_key(vehicle: Vehicle, wanted: LearningRange) -> str:
     """Return a short hash of all that an envelope is made from, but for the program and the vehicle's name."""
-    return digest(parameters_json({"vehicle": nameless(vehicle), "range": wanted}) + mesh_digest(vehicle.hull))
+    made = parameters_json({"vehicle": nameless(vehicle), "range": wanted}) + mesh_digest(vehicle.hull)
+    return digest(made + fitted_coefficients().digest())

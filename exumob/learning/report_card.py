@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from exumob.learning.dataset import body_states, water_of
 from exumob.learning.plan import FreeTask, LearningPlan
-from exumob.learning.validation import BETTER, DEVIATIONS, TWO, Compared, Drive, shortfall
+from exumob.learning.validation import BETTER, DEVIATIONS, TWO, Compared, Drive, compared_with, shortfall
 from exumob.support.figures import STYLE
 from exumob.surrogates.inputs import network_inputs
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
@@ -103,7 +103,7 @@ def _verdict(c: CardContents) -> str:
     if c.figures["drives"]:
         ends, others = ([one[name] for one in c.figures["drives"]] for name in ("end", "coefficients_end"))
         known = [end for end in others if end is not None]
-        alone = f", with coefficients fitted to the same runs {100.0 * float(np.mean(known)):.3g} %" if known else ""
+        alone = f", with the coefficients {100.0 * float(np.mean(known)):.3g} %" if known else ""
         shares = 100.0 * float(np.mean([one["fallback"] for one in c.figures["drives"]]))
         drives = (
             f"Drives end {100.0 * float(np.mean(ends)):.3g} % of the path (at worst {100.0 * max(ends):.3g} %) from "
@@ -174,8 +174,8 @@ def _load_text(c: CardContents) -> str:
     text = (
         "Root mean square error over the standard deviation of the flow's loads in all runs kept apart; below 1 a "
         "model knows more than the mean. Deviations of less than a thousandth of the weight (a moment: times half the "
-        "wheelbase) count as that much. In brackets: the coefficients fitted to the same runs, alone. Two repetitions "
-        f"of one flow differ by about 0.2. By run (mean): {runs}."
+        f"wheelbase) count as that much. In brackets: the {compared_with(c.figures)}. Two "
+        f"repetitions of one flow differ by about 0.2. By run (mean): {runs}."
     )
     return f"<p>{html.escape(text)}</p>"
 
@@ -218,8 +218,8 @@ def _drive_text(c: CardContents) -> str:
         "The vehicle drives on "
         + str(c.figures["soil"])
         + " with the networks (steps of the setting fast) and with the "
-        "coefficients fitted to the same runs; its path is compared with that of the run with the flow in the loop, "
-        "over the length of that path."
+        + compared_with(c.figures)
+        + "; its path is compared with that of the run with the flow in the loop, over the length of that path."
     )
     return f"<p>{html.escape(text)}</p>"
 

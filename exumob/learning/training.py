@@ -27,7 +27,7 @@ from exumob.learning.examples import Examples, build_examples, validation_run
 from exumob.learning.fitting import fit_body
 from exumob.learning.presets import Preset
 from exumob.support.declared import checked
-from exumob.support.files import require_folder_name, require_writable
+from exumob.support.files import atomic_write, require_folder_name, require_writable
 from exumob.support.processes import end_with_parent, stopping
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity
@@ -135,7 +135,7 @@ def train(
     announce_training(presets, runs, len(seeds), jobs)
     data = _data_hash(runs, vehicle)
     based = any(preset.architecture.base == "coefficients" for preset in presets)
-    waves = fit_wave_coefficients([(vehicle, runs)], fitted_coefficients()) if based else None
+    waves = _coefficients(parts, runs, vehicle, data) if based else None
     files: dict[tuple[str, int], Path] = {}
     context = multiprocessing.get_context("spawn")
     queue = context.SimpleQueue()
@@ -164,7 +164,7 @@ def train(
                 "geometry": geometry(vehicle), "provenance": provenance() | {"torch_version": torch.__version__},
             }  # fmt: skip
             if waves is not None and preset.architecture.base == "coefficients":
-                about["waves"] = waves.values.tolist()
+                about["waves"] = waves.terms
             NetworkSet(preset.architecture, arrays, about).save(files[preset.name, seed])
     return files
 
@@ -210,6 +210,17 @@ def _wait(pending: Mapping[Any, _Task], queue: Any, progress: Callable[[Progress
         raise RuntimeError("training failed for " + "; ".join(failed))
 
 
+def _coefficients(parts: Path, runs: Mapping[str, xr.Dataset], vehicle: Vehicle, data: str) -> WaveCoefficients:
+    """Coefficients fitted to the runs; once for a folder, so that networks trained elsewhere later have the same."""
+    prior = fitted_coefficients()
+    kept = parts / f"coefficients_{data}_{prior.digest()}.json"
+    if not kept.exists():
+        fitted = fit_wave_coefficients([(vehicle, runs)], prior)
+        with atomic_write(kept) as temporary:
+            fitted.save(temporary)
+    return WaveCoefficients.load(kept)
+
+
 def _read(part: Path) -> dict[str, Single]:
     return read_arrays(part, "a network that was trained here", "delete it, and the same command makes it again.")[1]
 
@@ -224,8 +235,8 @@ def _stacked(arrays: Sequence[Single]) -> Single:
 
 def _part(parts: Path, preset: Preset, seed: int, body: str, data: str, waves: WaveCoefficients | None) -> Path:
     """File of one network; its name holds a digest of the preset, the data and the base that it was made from."""
-    base = waves.digest() if waves is not None and preset.architecture.base == "coefficients" else ""
-    made = hashlib.sha256(json.dumps([asdict(preset), data, base]).encode()).hexdigest()[:12]
+    base = [waves.digest()] if waves is not None and preset.architecture.base == "coefficients" else []
+    made = hashlib.sha256(json.dumps([asdict(preset), data, *base]).encode()).hexdigest()[:12]
     return parts / f"{preset.name}_seed{seed}_{body}_{made}.safetensors"
 
 

@@ -205,7 +205,7 @@ def _path(run: xr.Dataset) -> Array:
 
 
 def shortfall(figures: Mapping[str, Any]) -> str:
-    """Say where networks are no better than coefficients fitted to the same runs, and what to do; empty if they are.
+    """Say where networks are no better than the coefficients that they are compared with; empty if they are better.
 
     Parameters
     ----------
@@ -220,13 +220,19 @@ def shortfall(figures: Mapping[str, Any]) -> str:
         worse.append("in where drives end")
     if not worse:
         return ""
-    fitted = "coefficients that were fitted to the same runs, which their file holds as well"
-    others = fitted if figures["rests"] else "calibrated ones"
+    instead = "add" if figures["rests"] else "without --networks:"
     return (
-        f"These networks are no better {' and '.join(worse)} than the {others}"
-        ": drive with these (add --hydrodynamics calibrated), or give the same command a larger --budget, which adds "
-        "runs to those there are."
+        f"These networks are no better {' and '.join(worse)} than the {compared_with(figures)}: drive with these "
+        f"({instead} --hydrodynamics calibrated), or give the same command a larger --budget, which adds runs to those "
+        "there are."
     )
+
+
+def compared_with(figures: Mapping[str, Any]) -> str:
+    """Name the coefficients that networks are compared with: those that they rest on, or the calibrated ones."""
+    if figures["rests"]:
+        return "coefficients fitted to the same runs, which their file holds as well"
+    return "calibrated coefficients"
 
 
 def card_figures(

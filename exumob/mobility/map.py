@@ -130,7 +130,7 @@ class MobilityMap(Declared):
             f"MobilityMap: {nodes:,} nodes of the finest level", nodes * NODE_BYTES, "give fewer levels or cells."
         )
         ends = [{axis.name: end} for axis in (self.x, self.y) for end in (axis.low, axis.high)]
-        one_model = self.crossing.experiment.with_one_model([*self.panels.values(), *ends])
+        one_model = self.crossing.experiment.with_one_model([*self.panels.values(), *ends], self.scatter)
         object.__setattr__(self, "crossing", replace(self.crossing, experiment=one_model))
         draws = _extreme(self.factors())
         shaped = any(name in (*GEOMETRY, *FURTHER_GEOMETRY) for name in self.scatter)

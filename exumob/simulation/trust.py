@@ -153,9 +153,9 @@ def trust_of_all(runs: Iterable[RunDescription]) -> Trust:
     return _together([(run, None, None, None) for run in runs])
 
 
-def calibrated_off() -> str:
-    """Say how far runs with the calibrated coefficients ended from those with the flow in the loop."""
-    rows = [row["calibrated"] for row in measured_errors()["runs"]]
+def fitted_off() -> str:
+    """Say how far runs with the coefficients that the networks rest on ended from those with the flow in the loop."""
+    rows = [row["fitted"] for row in measured_errors()["runs"]]
     amount = _percents(min(row["end"] for row in rows), max(row["end"] for row in rows))
     return f"{amount} of the path away{_whither([row['forward'] for row in rows])}"
 
@@ -163,7 +163,7 @@ def calibrated_off() -> str:
 def elsewhere_off(name: str) -> str:
     """Say how far lane changes of other vehicles ended from the flow with a model: "calibrated" or "coefficients"."""
     others = measured_errors()["elsewhere"]
-    how = ", with coefficients fitted without it" if name == "calibrated" else ""
+    how = ", each with coefficients fitted without that vehicle," if name == "calibrated" else ""
     return (
         f"of other vehicles one lane change each was compared{how} ({', '.join(others['vehicles'])}; "
         f"{100.0 * others['depth_ratio']:.0f} % depth, a head current of {others['current_speed']:g} m/s of the "
@@ -230,7 +230,8 @@ def _together(cases: Sequence[_Case]) -> Trust:
         advice = "The spread here is not known; repeat one run on finer cells."
     shares = [(outside, share) for _, outside, share, _ in cases if outside is not None and share is not None]
     if len(shares) == 1 and any(d.quantity == _RANGE for d in departures):
-        advice = f"{_what_to_believe(*shares[0])} {advice}"
+        own = isinstance(model, SurrogateHydrodynamics) and _shipped(model) == "networks"
+        advice = f"{_what_to_believe(*shares[0], own)} {advice}"
     return replace(trust, status="beyond", departures=tuple(departures), advice=advice)
 
 
@@ -283,9 +284,7 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
             return Trust("networks", "not validated", "", soil, advice=advice)
         name = shipped
     if isinstance(model, CalibratedHydrodynamics) and model.waves.digest() != fitted_coefficients().digest():
-        advice = (
-            "coefficients that were fitted to other runs than those of exumob; compare them with the flow in the loop."
-        )
+        advice = "coefficients fitted to other runs than those of exumob; a report card says how far they were off."
         return Trust(name, "not validated", "", soil, advice=advice)
     same, straight = _same_vehicle(run.vehicle), _is_straight(run)
     networks = isinstance(model, SurrogateHydrodynamics)
@@ -577,17 +576,15 @@ def _merged(departures: Iterable[Departure]) -> list[Departure]:
     return list(found.values())
 
 
-def _what_to_believe(out_of_range: float, fallback: float) -> str:
+def _what_to_believe(out_of_range: float, fallback: float, shipped: bool) -> str:
     """Say what to make of a run that was outside the networks' training range for a part of the time."""
     if fallback < 0.005:
         return (
             "It left the range so little that the networks answered alone, extrapolating by less than a tenth of it: "
             "expect more than the measured error."
         )
-    return (
-        f"The calibrated coefficients gave {100.0 * fallback:.0f} % of the loads; alone, in what was measured, "
-        f"they ended {calibrated_off()}. Expect more."
-    )
+    alone = f"; alone, in what was measured, they ended {fitted_off()}" if shipped else ""
+    return f"The coefficients that they rest on gave {100.0 * fallback:.0f} % of the loads{alone}. Expect more."
 
 
 # -- what a run is -----------------------------------------------------------------------------------------------------

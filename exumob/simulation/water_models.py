@@ -82,8 +82,8 @@ def hydrodynamics_named(
     if coefficients is not None and coefficients != Coefficients():
         if name == "networks" or networks:
             raise ValueError(
-                "hydrodynamics = 'networks': coefficients of your own have no effect on networks, which learned beside "
-                "the published ones; leave them out, or take hydrodynamics = 'calibrated'."
+                f"hydrodynamics = {name!r}: coefficients of your own have no effect on networks, which learned beside "
+                "the published ones; leave them out, or the networks, and take hydrodynamics='calibrated'."
             )
         return CalibratedHydrodynamics(coefficients)
     model = SurrogateHydrodynamics(list(networks) if networks else None)
@@ -92,9 +92,9 @@ def hydrodynamics_named(
             network.check_vehicle(vehicle)
         if name == "networks" or name == "auto":
             return model
-        if model.waves is None:
+        if not any("waves" in network.about for network in model.networks):
             raise ValueError(
-                f"hydrodynamics = 'calibrated': the networks ({model.networks[0].name}) rest on no coefficients that "
+                f"hydrodynamics='calibrated': the networks ({model.networks[0].name}) rest on no coefficients that "
                 "were fitted to their runs; give some of the preset 'residual' or of `exumob learn`, or leave them out."
             )
         return CalibratedHydrodynamics(waves=model.waves)

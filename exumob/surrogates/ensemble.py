@@ -17,6 +17,7 @@ import numpy as np
 from exumob.support.declared import checked
 from exumob.surrogates.networks import (
     COME_WITH_IT,
+    READS,
     VERSION,
     NetworkSet,
     _architecture,
@@ -81,9 +82,9 @@ def load_members(file: str | Path) -> list[NetworkSet]:
     )
     if header.get("format") != ENSEMBLE:
         return [NetworkSet.load(path)]
-    if header.get("version") != VERSION:
+    if header.get("version") not in READS:
         raise ValueError(
-            f"{path} is of version {header.get('version')} and this program reads {VERSION}; make it anew with "
+            f"{path} is of version {header.get('version')} and this program reads 1 and 2; make it anew with "
             "`exumob learn`."
         )
     said = header.get("members")

@@ -29,6 +29,7 @@ from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.conditions import Water, require_within
+from exumob.water.wave_loads import fitted_coefficients
 
 OUTSIDE = 0.02
 """Excess (`NetworkSet.excess`) from which a state counts as outside the training range [-]."""
@@ -79,10 +80,6 @@ class SurrogateHydrodynamics:
         if not self.networks:
             raise ValueError("SurrogateHydrodynamics.networks is empty; give files that `exumob train` wrote.")
         self.fallback = fallback
-        self.parameters = {
-            "networks": [{"name": n.name, "digest": n.digest()} for n in self.networks], "fallback": fallback
-        }  # fmt: skip
-        """The chosen settings, as kept in results."""
         groups: dict[Architecture, list[NetworkSet]] = {}
         for network in self.networks:
             groups.setdefault(network.architecture, []).append(network)
@@ -94,6 +91,12 @@ class SurrogateHydrodynamics:
             )
         self.waves = next(iter(bases.values()), None)
         """Coefficients of the waves that the networks rest on, fitted to their runs; None: they rest on none."""
+        beside = (self.waves or fitted_coefficients()).digest() if fallback or self.waves is not None else None
+        self.parameters = {
+            "networks": [{"name": n.name, "digest": n.digest()} for n in self.networks], "fallback": fallback,
+            "wave_coefficients": beside,
+        }  # fmt: skip
+        """The chosen settings, as kept in results."""
         self._groups = [(NetworkSet.stacked(group), len(group)) for group in groups.values()]
         self._water: Water | None = None
         self._bed = Terrain()
@@ -189,7 +192,7 @@ class SurrogateHydrodynamics:
         return members, mean_and_spread(excess)[0]
 
     def save(self, histories: bool = True) -> dict[str, Any]:
-        """Return the coefficient model's state, what the networks remember, and the record, or its length only."""
+        """Return the state of the coefficients, what the networks remember, and the record, or its length only."""
         saved: dict[str, Any] = {"count": len(self._times), "last_learnt": self._last_learnt}
         saved["memories"] = [memory.save() for memory in self._memories]
         if self._water is not None and self._coefficients is not None:

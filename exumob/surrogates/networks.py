@@ -41,7 +41,9 @@ from exumob.vehicle.parameters import Vehicle
 from exumob.water.mesh_file import mesh_digest
 from exumob.water.wave_loads import WaveCoefficients
 
-FORMAT, VERSION = "exumob networks", 1
+FORMAT, VERSION = "exumob networks", 2
+READS = (1, 2)
+"""Versions of files that can be read: those of 1 rest on published coefficients, if on any."""
 WEIGHTS = PACKAGE / "surrogates" / "weights"
 """Folder of the networks that come with exumob."""
 NAMED = ("paper-lstm",)
@@ -81,7 +83,7 @@ class Architecture(Declared):
     degree: Annotated[int, Quantity("1", at_least=1, at_most=6)] = 3
     """Degree of the polynomial"""
     base: Literal["none", "coefficients"] = "none"
-    """Model to whose wrenches those of the network are added; ``"coefficients"``: `NetworkSet.waves` with it"""
+    """Model to whose wrenches those of the network are added; with it the waves of `NetworkSet.waves`"""
     filters: tuple[Annotated[float, Quantity("s", at_least=1e-3, at_most=1e3)], ...] = ()
     """Time constants of the filtered inputs (`exumob.surrogates.memory`) that a dense layer sees before the instants"""
 
@@ -134,8 +136,8 @@ class NetworkSet:
     ``input_low``, ``input_high``, shape (5, k): range of each input in training; ``joint_inverse`` (5, k, k): inverse
     covariance of the scaled inputs; ``joint_limit`` (5,): largest Mahalanobis distance in training."""
     about: dict[str, Any]
-    """Origin of the networks: preset, seed, runs, held_back, geometry, data_hash, provenance; ``waves``, the
-    values of `NetworkSet.waves`, of those that are added to coefficients"""
+    """Origin of the networks: preset, seed, runs, held_back, geometry, data_hash, provenance; ``waves``, the terms of
+    `NetworkSet.waves`, of those that are added to coefficients"""
 
     @property
     def name(self) -> str:
@@ -146,11 +148,13 @@ class NetworkSet:
     def waves(self) -> WaveCoefficients | None:
         """The coefficients of waves in the loads to which those of the networks are added; None: added to none.
 
-        They are all 0 of networks that were trained before there were any.
+        They are all 0 of networks that were trained before there were any, beside published coefficients.
         """
         if self.architecture.base == "none":
             return None
-        return WaveCoefficients(np.array(self.about.get("waves", np.zeros(WaveCoefficients.SHAPE)), float), {})
+        if "waves" not in self.about:
+            return WaveCoefficients(np.zeros(WaveCoefficients.SHAPE), {})
+        return WaveCoefficients.of_terms(self.about["waves"], {})
 
     @property
     def size(self) -> int:
@@ -210,9 +214,9 @@ class NetworkSet:
             )
         if header.get("format") != FORMAT:
             raise ValueError(f"{path} holds arrays, but not exumob's networks; `exumob train` makes them.")
-        if header.get("version") != VERSION:
+        if header.get("version") not in READS:
             raise ValueError(
-                f"{path} is of version {header.get('version')} and this program reads {VERSION}; train again with "
+                f"{path} is of version {header.get('version')} and this program reads 1 and 2; train again with "
                 "`exumob train`."
             )
         architecture = _architecture(header.get("architecture"), path)
@@ -457,14 +461,12 @@ def _checked_about(about: Any, architecture: Architecture, path: Path) -> dict[s
         )
     if architecture.base == "coefficients" and "waves" in about:  # files made before have none
         try:
-            waves = np.array(about["waves"], float)
-        except (ValueError, TypeError):
-            waves = np.empty(0)
-        if waves.shape != WaveCoefficients.SHAPE or not np.isfinite(waves).all():
+            WaveCoefficients.of_terms(about["waves"], {})
+        except ValueError as error:
             raise ValueError(
-                f"{path}: about.waves, coefficients of loads to which its networks add, is of shape {waves.shape} or "
-                f"not finite; it must be {WaveCoefficients.SHAPE} of finite numbers. Train again with `exumob train`."
-            )
+                f"{path}: about.waves, coefficients of the loads to which its networks add, are not those of this "
+                f"program ({error}); train again with `exumob train`."
+            ) from None
     return about
 
 

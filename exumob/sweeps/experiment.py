@@ -344,20 +344,20 @@ class Experiment(Declared):
             "wave_coefficients": fitted_coefficients().digest() if fitted else "",
         }
 
-    def with_one_model(self, cases: Sequence[Mapping[str, Any]] = ()) -> Experiment:
+    def with_one_model(self, cases: Sequence[Mapping[str, Any]] = (), also: Iterable[str] = ()) -> Experiment:
         """Choose the model of the water's loads for all cases, so that none differs from another by its model.
 
         ``"auto"`` becomes ``"networks"`` if those that come with exumob fit the vehicle of every case, and
         ``"calibrated"`` otherwise, with a warning; where a member of the ensemble is named, networks are asked for, and
-        where a coefficient is, calibrated ones.
+        where a coefficient is or has another value, calibrated ones. `also` are further names that will be varied.
         """
-        names = {name for case in cases for name in case}
+        names = {name for case in cases for name in case} | set(also)
         dry = self.water is None and not any(name.startswith("water.") for name in names)
         if self.hydrodynamics != "auto" or dry:
             return self
         if self.member is not None or "hydrodynamics.member" in names:
             return replace(self, hydrodynamics="networks")
-        if any(name.startswith("hydrodynamics.") for name in names):
+        if self.coefficients != Coefficients() or any(name.startswith("hydrodynamics.") for name in names):
             return replace(self, hydrodynamics="calibrated")
         places = [name for name in (*GEOMETRY, *FURTHER_GEOMETRY) if name in names]
         for values in {repr(v): v for v in ({n: case[n] for n in places if n in case} for case in cases)}.values():

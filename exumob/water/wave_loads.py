@@ -65,10 +65,11 @@ u |u| and another L; Fy over density / 2 L h |u| v with the speed v to the left,
 where r is the yaw rate; Mx as Fy with another L; Mz the same with u v and |u| r L. Of a wheel, immersed by T: over
 density u |u| / 2 (Fx, My) or u^2 / 2 (Fz) times its wetted frontal area, and its diameter D (My); Fy over
 density / 2 D T |u| v, the lift of a disk that is turned to the stream, and Mx the same with the arm from the axle to
-the middle of T; "wash": with the speed to the hull's left for that to the wheel's, as the water before a drifting hull
-goes with it; "aside": with u^2 outward, as the hull parts the water. With these signs each load turns with u as it
-must; in reverse front and rear wheels keep their own. Terms with pitch, roll or heaving were tried and left out: such
-attitudes were small in the runs, and a pitch moment that grows with the pitch made another vehicle dive."""
+the middle of T; "wash": with the wheel's speed to the left of the hull's heading for that to the left of its own, as
+the water before a drifting hull goes with it; "aside": with u^2 outward, as the hull parts the water. With these signs
+each load turns with u as it must; in reverse front and rear wheels keep their own. Terms with pitch, roll or heaving
+were tried and left out: such attitudes were small in the runs, and a pitch moment that grows with the pitch made
+another vehicle dive."""
 
 
 class VehicleLengths(NamedTuple):
@@ -104,27 +105,49 @@ class WaveCoefficients:
         """Return a short hash of the coefficients."""
         return hashlib.sha256(self.values.tobytes()).hexdigest()[:16]
 
+    @property
+    def terms(self) -> dict[str, dict[str, dict[str, float]]]:
+        """Coefficients by kind of body, component and term, as files keep them."""
+        return {
+            kind: {
+                name: dict(zip(forms, map(float, self.values[n, COMPONENTS.index(name)]), strict=False))
+                for name, forms in FORMS[kind].items()
+            }
+            for n, kind in enumerate(KINDS)
+        }  # fmt: skip
+
+    @classmethod
+    def of_terms(cls, terms: Any, about: dict[str, Any]) -> WaveCoefficients:
+        """Return the coefficients of `terms`.
+
+        Raises
+        ------
+        ValueError
+            If it has other terms than these forms, or a value is no finite number.
+        """
+        values = np.zeros(cls.SHAPE)
+        try:
+            for n, kind in enumerate(KINDS):
+                for name, forms in FORMS[kind].items():
+                    given = terms[kind][name]
+                    if tuple(given) != forms:
+                        raise ValueError(f"{kind} {name} has the terms {', '.join(map(str, given))}")
+                    values[n, COMPONENTS.index(name), : len(forms)] = [float(given[form]) for form in forms]
+        except (KeyError, TypeError, AttributeError, OverflowError) as error:
+            raise ValueError(f"{type(error).__name__} {error}") from None
+        if not np.isfinite(values).all():
+            raise ValueError("not all of them are finite")
+        return cls(values, about)
+
     def save(self, file: Path) -> None:
         """Write them as JSON text."""
-        terms: dict[str, dict[str, list[float]]] = {}
-        for n, kind in enumerate(KINDS):
-            forms = FORMS[kind]
-            terms[kind] = {
-                name: [float(f"{v:.5g}") for v in self.values[n, k, : len(forms[name])]]
-                for k, name in enumerate(COMPONENTS) if name in forms
-            }  # fmt: skip
-        file.write_text(json.dumps(self.about | {"coefficients": terms}, indent=1) + "\n", encoding="utf-8")
+        file.write_text(json.dumps(self.about | {"coefficients": self.terms}, indent=1) + "\n", encoding="utf-8")
 
     @classmethod
     def load(cls, file: Path) -> WaveCoefficients:
         """Read a file of `save`."""
         about = json.loads(file.read_text(encoding="utf-8"))
-        values = np.zeros(cls.SHAPE)
-        for n, kind in enumerate(KINDS):
-            for k, name in enumerate(COMPONENTS):
-                found = about["coefficients"][kind].get(name, [])
-                values[n, k, : len(found)] = found
-        return cls(values, {name: value for name, value in about.items() if name != "coefficients"})
+        return cls.of_terms(about.pop("coefficients"), about)
 
 
 @cache

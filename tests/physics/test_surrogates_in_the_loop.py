@@ -46,10 +46,10 @@ def test_zero_residual_is_its_base(vehicle, sand, base):
 def test_networks_keep_the_calibrated_coefficients_that_they_were_added_to(vehicle, sand, tmp_path):
     """Those that come with exumob may be fitted anew: networks in a file stand on the old ones, and do not mix."""
     other = residual(vehicle)
-    waves = 0.5 * np.array(other.about["waves"])
-    other = NetworkSet(other.architecture, other.arrays, other.about | {"waves": waves.tolist()})
+    waves = WaveCoefficients(0.5 * other.waves.values, {})
+    other = NetworkSet(other.architecture, other.arrays, other.about | {"waves": waves.terms})
     other = NetworkSet.load(other.save(tmp_path / "other.safetensors"))
-    old = CalibratedHydrodynamics(waves=WaveCoefficients(waves, {}))
+    old = CalibratedHydrodynamics(waves=waves)
     a, b = (
         simulate(vehicle, sand, HEAD_CURRENT, lane_change(), model, duration=0.4, **STEPS)
         for model in (old, SurrogateHydrodynamics(other))
@@ -58,7 +58,7 @@ def test_networks_keep_the_calibrated_coefficients_that_they_were_added_to(vehic
     named = hydrodynamics_named("calibrated", vehicle, HEAD_CURRENT, networks=[tmp_path / "other.safetensors"])
     assert isinstance(named, CalibratedHydrodynamics) and named.waves.digest() == old.waves.digest()
     own = simulate(vehicle, sand, HEAD_CURRENT, lane_change(), named, duration=0.1, **STEPS)
-    assert "calibrated, not validated: coefficients that were fitted to other runs than those of" in own.attrs["trust"]
+    assert "calibrated, not validated: coefficients fitted to other runs than those of" in own.attrs["trust"]
     with pytest.raises(ValueError, match="2 different sets of coefficients"):
         SurrogateHydrodynamics([other, residual(vehicle)])
 

@@ -46,6 +46,9 @@ def test_networks_no_better_than_coefficients_are_called_so(loads, ends, said):
     text = shortfall(figures)
     assert all(part in text for part in said) and bool(text) == bool(said)
     assert not said or "--budget" in text
+    assert not said or "add --hydrodynamics calibrated" in text
+    text = shortfall(figures | {"rests": False})
+    assert not said or "than the calibrated coefficients: drive with these (without --networks" in text
 
 
 def test_the_card_says_what_networks_do_not_know():

@@ -23,7 +23,7 @@ from exumob.simulation.description import RunDescription, Steps
 from exumob.simulation.over_water import WaterMet
 from exumob.simulation.result_files import load_dataset
 from exumob.simulation.run import simulate
-from exumob.simulation.trust import calibrated_off, shape_differences, trust_of, trust_of_all
+from exumob.simulation.trust import fitted_off, shape_differences, trust_of, trust_of_all
 from exumob.support.measured import measured_errors
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NAMED, NetworkSet
@@ -313,8 +313,8 @@ def test_time_outside_the_training_range_says_what_to_believe():
     for found in (slightly, far):
         assert "outside the networks' training range for 49.5 % of the time (0 % of the time)" in found.line
     assert "the networks answered alone" in slightly.line
-    assert "The calibrated coefficients gave 32 % of the loads; alone, in what was measured, they ended" in far.line
-    assert calibrated_off() in far.line
+    assert "The coefficients that they rest on gave 32 % of the loads; alone, in what was measured, they" in far.line
+    assert fitted_off() in far.line
     assert trust_of(RUN, 0.004, 0.0).status == "measured"
 
 
