@@ -1,19 +1,16 @@
 """Fit of the waves' coefficients: it finds what made the loads, resists to the side, and holds to its prior."""
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 pytest.importorskip("torch")
-from exumob.learning import calibration
 from exumob.learning.calibration import fit_wave_coefficients
 from exumob.learning.dataset import base_loads, body_states, water_of
 from exumob.water.wave_loads import (
     COMPONENTS,
     FORMS,
-    KIND_OF_BODY,
     KINDS,
     MOST_DRAUGHT,
     MOST_FROUDE,
@@ -105,29 +102,6 @@ def test_where_runs_say_nothing_the_prior_holds(made, vehicle):
         prior.values, rel=1e-2, abs=1e-3
     )
     assert fit_wave_coefficients([(vehicle, runs)], prior).values != pytest.approx(prior.values, rel=1e-2)
-
-
-def test_what_steers_is_the_sum_about_the_center_of_mass(made, vehicle):
-    """Loads of steered wheels are turned into the hull's axes, and their arms begin at the centre of mass: the two rows
-    of the sums are side force and yaw moment, by cross products, of loads that known coefficients give."""
-    ahead = replace(vehicle, hull=replace(vehicle.hull, center_of_mass_x=0.2))
-    group = calibration._Group(ahead, made[0])
-    assert np.abs(group.turned[:, 1, 0, 1]).max() > 0.3  # steered
-    values, places, start = np.zeros(WaveCoefficients.SHAPE), {}, 0
-    for kind, component in calibration.STEERING:
-        k, size = COMPONENTS.index(component), len(FORMS[KINDS[kind]][component])
-        values[kind, k, :size] = np.linspace(-0.3, 0.2, size)
-        places[kind, k] = slice(start, start := start + size)
-    group.lacking = (group.terms * values[list(KIND_OF_BODY)]).sum(axis=3)
-    rows = calibration._steering_rows(group, np.zeros(WaveCoefficients.SHAPE), places, start)
-    x = np.concatenate([values[kind, k, : place.stop - place.start] for (kind, k), place in places.items()])
-    force, moment = (np.einsum("nbij,nbj->nbi", group.turned, part) for part in np.split(group.lacking, 2, axis=-1))
-    arms = np.vstack([np.zeros(3), ahead.wheel_centers - ahead.hull_origin])
-    sums = force[..., 1].sum(axis=1), (np.cross(arms, force) + moment)[..., 2].sum(axis=1)
-    for (a, y), true in zip(rows[-2:], sums, strict=True):
-        scale = y @ true / (true @ true)
-        assert y == pytest.approx(scale * true, abs=1e-9 * np.abs(y).max())
-        assert a @ x == pytest.approx(y, abs=1e-9 * np.abs(y).max())
 
 
 @pytest.mark.parametrize("groups", [lambda v, r: [], lambda v, r: [(v, {})], lambda v, r: [(v, r), (v, r)]])
