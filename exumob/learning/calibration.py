@@ -134,7 +134,7 @@ def _resisting(forms: Sequence[str]) -> tuple[Array, NDArray[np.bool_]]:
     return np.hstack([held, free]), np.arange(held.shape[1] + free.shape[1]) < held.shape[1]
 
 
-def _least_squares(rows: Sequence[tuple[Array, Array]], near: Array, base: Array, held: Array) -> Array:
+def _least_squares(rows: Sequence[tuple[Array, Array]], near: Array, base: Array, held: NDArray[np.bool_]) -> Array:
     """Coefficients x = `base` w that fit rows (a, y), a x = y, and lie near others; those w that are held are <= 0."""
     square = sum((a.T @ a for a, _ in rows), np.zeros((len(near), len(near))))
     right = sum((a.T @ y for a, y in rows), np.zeros(len(near)))

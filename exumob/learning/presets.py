@@ -16,6 +16,9 @@ RICH_INPUTS = (
     "current_speed", "water_depth",
 )  # fmt: skip
 """... and heave, pitch, roll."""
+RESIDUAL_INPUTS = tuple(name for name in RICH_INPUTS if name not in ("current_speed", "water_depth"))
+"""... without current and depth, which the coefficients beside the networks know: nine runs have nine pairs of them, by
+which networks told the runs apart."""
 COUNT = Quantity("1", at_least=1, at_most=1_000_000)
 """Numbers of examples and epochs"""
 SHARE = Quantity("1", at_least=0.0, at_most=10.0)
@@ -59,13 +62,16 @@ PRESETS = {
         Preset("flow-dense", Architecture(FLOW_INPUTS, 1, 1, "dense", 64, 32), mirror=True, noise=0.02),
         Preset("rich-dense", Architecture(RICH_INPUTS, 1, 1, "dense", 64, 32), mirror=True, noise=0.02),
         Preset(
-            "residual", Architecture(RICH_INPUTS, 1, 1, "dense", 64, 32, base="coefficients"), mirror=True, noise=0.05
+            "residual",
+            Architecture(RESIDUAL_INPUTS, 1, 1, "dense", 64, 32, base="coefficients"),
+            mirror=True,
+            noise=0.2,
         ),
         Preset(
             "memory",
-            Architecture(RICH_INPUTS, 1, 1, "dense", 64, 32, base="coefficients", filters=(0.1, 0.3, 1.0, 2.5)),
+            Architecture(RESIDUAL_INPUTS, 1, 1, "dense", 64, 32, base="coefficients", filters=(0.1, 0.3, 1.0, 2.5)),
             mirror=True,
-            noise=0.05,
+            noise=0.2,
         ),
     )
 }

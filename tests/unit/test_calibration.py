@@ -84,7 +84,7 @@ def test_side_forces_resist_whatever_the_runs_say(made, vehicle):
         for name, run in runs.items()
     }
     for waves in (fitted_coefficients(), fit_wave_coefficients([(vehicle, wrong)])):
-        assert max(side_forces(waves.values)) < 1e-6
+        assert max(side_forces(waves.values)) < 1e-4  # coefficients have five digits
 
 
 def test_where_runs_say_nothing_the_prior_holds(made, vehicle):
