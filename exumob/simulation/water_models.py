@@ -95,7 +95,7 @@ def hydrodynamics_named(
         if not any("waves" in network.about for network in model.networks):
             raise ValueError(
                 f"hydrodynamics='calibrated': the networks ({model.networks[0].name}) rest on no coefficients that "
-                "were fitted to their runs; give some of the preset 'residual' or of `exumob learn`, or leave them out."
+                "were fitted to their runs; give some of the preset 'memory' or of `exumob learn`, or leave them out."
             )
         return CalibratedHydrodynamics(waves=model.waves)
     differences = shape_differences(vehicle, model.networks[0].about["geometry"])
