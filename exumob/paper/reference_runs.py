@@ -7,6 +7,7 @@ at most half a second of simulated time lost, and, when it is finished, its whol
 
 from __future__ import annotations
 
+import json
 import logging
 import multiprocessing
 import os
@@ -91,11 +92,14 @@ class FlowRun:
 
         Raises
         ------
+        ValueError
+            If the result that is there was made with another macro step.
         SimulationError
             If the run breaks down; its checkpoint is kept.
         """
         whole = work / f"{self.name}.nc"
         if whole.exists():
+            self._check(whole)
             return whole
         work.mkdir(parents=True, exist_ok=True)
         began, logged = time.perf_counter(), float("-inf")
@@ -121,6 +125,16 @@ class FlowRun:
             resume=True, progress=progress,
         )  # fmt: skip
         return save_dataset(result.assign_attrs(scenario=self.scenario.name), whole)
+
+    def _check(self, whole: Path) -> None:
+        """Refuse a result of the same name that another macro step has made: the name's default was another once."""
+        with xr.open_dataset(whole) as found:
+            made = json.loads(found.attrs["parameters"])["steps"]["macro_step"]
+        if isinstance(made, float) and isinstance(self.macro_step, float) and made != self.macro_step:
+            raise ValueError(
+                f"{whole} was made with a macro step of {1e3 * made:g} ms, and this run has {1e3 * self.macro_step:g} "
+                "ms; move it away, or name another folder by EXUMOB_RUNS."
+            )
 
 
 def compute_all(
