@@ -84,8 +84,8 @@ def fit_wave_coefficients(groups: Sequence[Runs], prior: WaveCoefficients | None
             values[kind, k, :size] = _least_squares(rows, start[kind, k, :size], base, held)
     about = {name: provenance()[name] for name in ("exumob_version", "git_revision", "date")}
     vehicles = {vehicle.name: sorted(runs) for vehicle, runs in groups}
-    rounded = np.vectorize(lambda value: float(f"{value:.5g}"))(np.where(np.abs(values) < LEAST, 0.0, values))
-    return WaveCoefficients(rounded, about | {"runs": vehicles})
+    rounded = [float(f"{value:.5g}") if abs(value) >= LEAST else 0.0 for value in values.flat]
+    return WaveCoefficients(np.reshape(rounded, values.shape), about | {"runs": vehicles})
 
 
 class _Group:

@@ -71,7 +71,7 @@ def test_export_command(tmp_path):
     file = tmp_path / "one.onnx"
     answer = CliRunner().invoke(app, ["export", str(shipped_networks()[0]), "--output", str(file)])
     assert answer.exit_code == 0 and file.stat().st_size > 50_000
-    assert "residual, seed 0" in answer.output and "'coefficients'" in answer.output
+    assert "memory, seed 0" in answer.output and "'coefficients'" in answer.output
     wrong = CliRunner().invoke(app, ["export", str(shipped_networks()[0]), "--output", str(tmp_path / "one.pt")])
     assert wrong.exit_code == 2 and "use .onnx" in wrong.output
     foreign = CliRunner().invoke(app, ["export", str(file), "--output", str(file)])
@@ -308,7 +308,8 @@ def test_members_together_answer_as_alone(vehicle):
     """Spec: round-off of single precision."""
     sets = [NetworkSet.load(file) for file in shipped_networks()]
     low, high = (sets[0].arrays[f"input_{end}"][:, None] for end in ("low", "high"))
-    window = low + np.random.default_rng(3).uniform(0.0, 1.0, low.shape) * (high - low)
+    shape = 5, sets[0].architecture.window, low.shape[-1]
+    window = low + np.random.default_rng(3).uniform(0.0, 1.0, shape) * (high - low)
     alone = np.concatenate([one.wrenches(window) for one in sets])
     every = NetworkSet.stacked(sets)
     together = every.wrenches(window)

@@ -411,5 +411,5 @@ def test_coefficients_of_ones_own_go_with_no_networks():
     base, name = amphibious_lane_change(), "hydrodynamics.hull_surge_drag"
     assert type(base.with_values({name: 1.1}).water_model()) is CalibratedHydrodynamics
     assert base.with_one_model([{name: 0.9}, {name: 1.1}]).hydrodynamics == "calibrated"
-    with pytest.raises(ValueError, match=r"no effect on networks.*take hydrodynamics = 'calibrated'"):
+    with pytest.raises(ValueError, match=r"no effect on networks.*take hydrodynamics='calibrated'"):
         base.with_values({name: 1.1, "hydrodynamics": "networks"}).water_model()

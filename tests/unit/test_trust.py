@@ -421,7 +421,7 @@ def test_table_agrees_with_what_other_studies_found():
     table = {row["scenario"]: row for row in measured_errors()["runs"]}
     for file in ("predict_unseen.nc", "reproduce_training.nc"):
         study = load_dataset(ROOT / "studies" / "figures" / file)
-        for model, name in (("published coefficients", "coefficients"), ("residual, ensemble", "networks")):
+        for model, name in (("published coefficients", "coefficients"), ("memory, ensemble", "networks")):
             for scenario in study["scenario"].values:
                 final = 0.01 * float(study["final"].sel(model=model, scenario=scenario)[0])
                 assert table[str(scenario)][name]["end"] == pytest.approx(final, abs=3e-3), (model, scenario)
