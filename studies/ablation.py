@@ -38,7 +38,7 @@ def memory_share(network: NetworkSet, run: xr.Dataset) -> np.ndarray:
     rows = np.arange(architecture.stride * (architecture.taps - 1), len(inputs), THINNING)
     window = np.moveaxis(windows(inputs, rows, architecture), 2, 1)
     loads = network.batch_wrenches(window)
-    present = network.batch_wrenches(np.repeat(window[:, :, -1:], architecture.taps, axis=2))
+    present = network.batch_wrenches(np.repeat(window[:, :, -1:], architecture.window, axis=2))
     change = np.sqrt(np.mean((loads - present) ** 2, axis=0)) / np.maximum(loads.std(axis=0), 1e-9)
     return np.asarray(change.mean(axis=-1))
 

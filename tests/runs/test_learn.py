@@ -120,16 +120,16 @@ def test_runs_are_made_on_ranks_of_mpi(short, tmp_path):
 
 
 def test_networks_learn_and_the_card_says_what_they_are_worth(tmp_path):
-    """Loads of 1.3 times the coefficient model's: networks added to it learn the rest, and their card says so."""
+    """Loads of 1.3 times the coefficient model's, of which waves know little: networks learn half of the rest at least."""
     plan = make_plan(CAR, WANTED, 0.04, 0.06, ENVELOPE, seeds=2, run_time=6.0)
     folder = LearningFolder(tmp_path)
     assert not run_campaign(plan.tasks, CAR, folder, jobs=2, compute=coefficient_flow)
     found = learn_from(plan, folder, jobs=2)
     figures = found.figures
-    assert figures["load_error"] < 0.25 * figures["coefficients_load_error"]
+    assert figures["load_error"] < 0.6 * figures["coefficients_load_error"] and figures["rests"]
     assert figures["runs"] >= 2 and figures["members"] == 2 and len(figures["drives"]) >= 1
     for one in figures["drives"]:
-        assert one["end"] < 0.3 * one["coefficients_end"] and one["outside"] < 0.1
+        assert one["end"] < 0.05 and one["coefficients_end"] < 0.05 and one["outside"] < 0.1
     members = load_members(found.networks)
     assert card_of(members) == figures and card_of(members[:1]) is None
 
