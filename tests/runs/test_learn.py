@@ -120,7 +120,7 @@ def test_runs_are_made_on_ranks_of_mpi(short, tmp_path):
 
 
 def test_networks_learn_and_the_card_says_what_they_are_worth(tmp_path):
-    """Loads of 1.3 times the coefficient model's, of which waves know little: networks learn half of the rest at least."""
+    """Loads of 1.3 times the coefficient model's, of which waves know little: networks learn much of the rest."""
     plan = make_plan(CAR, WANTED, 0.04, 0.06, ENVELOPE, seeds=2, run_time=6.0)
     folder = LearningFolder(tmp_path)
     assert not run_campaign(plan.tasks, CAR, folder, jobs=2, compute=coefficient_flow)
@@ -136,7 +136,8 @@ def test_networks_learn_and_the_card_says_what_they_are_worth(tmp_path):
     page = found.card.read_text()
     images = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
     assert len(images) == 4 and all(base64.b64decode(image).startswith(b"\x89PNG") for image in images)
-    assert "http" not in page and 'src="' not in page.replace('src="data:', "")  # needs no other file
+    text = re.sub(r'src="data:image/png;base64,[^"]+"', "", page)  # pictures may hold any letters
+    assert "http" not in text and 'src="' not in text  # needs no other file
     for text in ("Range covered", "Drives, beside the same", "drives longer than", "What these networks do not know",
                  "lane change", f"{figures['load_error']:.2f}", "captive_004",
                  "What the cells do not resolve"):  # fmt: skip
