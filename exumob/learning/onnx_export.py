@@ -24,7 +24,7 @@ def export_onnx(networks: NetworkSet, file: str | Path) -> Path:
     Input ``states``, float32, shape (n, 5, taps, k): unscaled, oldest first, bodies and inputs as the file's metadata
     say. Output ``loads``, shape (n, 5, 6): N and N m, body axes. Scaling and the training range's edge,
     at which inputs are held, are part of the graph; a base model, whose loads are to be added, is not: the metadata
-    ``waves`` hold its coefficients of waves (`exumob.water.wave_loads.WaveCoefficients.values`).
+    ``waves`` hold its coefficients of waves (`exumob.water.wave_loads.WaveCoefficients.terms`).
 
     Parameters
     ----------
