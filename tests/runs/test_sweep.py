@@ -285,6 +285,7 @@ def test_lane_changes_by_command(tmp_path):
     assert "cases        3: 0 kept, 3 run" in answer.stdout
     assert "completed    2 of 3 cases" in answer.stdout and "broke down   1 of 3 cases" in answer.stdout
     assert "sweep of 3 cases, about 3 s" in answer.stderr and "sweep: 100 % (3 of 3 cases)" in answer.stderr
+    assert "\ntrust        coefficients, " in answer.stdout and "hull.mass" in answer.stdout
     assert "broke down: case 2 (hull.mass = 4000" in answer.stderr
     assert f"result       {tmp_path / 'sweep[1]' / 'sweep.nc'}" in answer.stdout.replace("\n", "")
     with load_dataset(tmp_path / "sweep[1]" / "sweep.nc") as result:
