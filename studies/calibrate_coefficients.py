@@ -196,11 +196,12 @@ def main(quick: bool = False, jobs: int = 2, present_only: bool = False) -> xr.D
     groups |= {name: (other, {task.name: run}) for name, (other, task, run) in others.items()}
     fitted = fit_wave_coefficients(list(groups.values()))
     own = fit_wave_coefficients([groups[vehicle.name]], fitted)
-    without = fitted if quick else fit_wave_coefficients([groups[name] for name in others])
+    models = {"calibrated": fitted, "own runs": own}
+    if others:
+        models["without it"] = fit_wave_coefficients([groups[name] for name in others])
     found = {}
     for scenario in UNSEEN[:1] if quick else UNSEEN:
         run = load_runs([CFD_RUNS / f"{scenario.file_stem}.nc"])[scenario.name]
-        models = {"calibrated": fitted, "without it": without, "own runs": own}
         found[scenario.name] = compared(run, vehicle, scenario.water(vehicle), scenario.maneuver(), models)
     if quick:
         return table(found)
