@@ -270,9 +270,7 @@ def main(quick: bool = False, jobs: int = 2, present_only: bool = False) -> xr.D
         "cfd_motions.png": motions(runs),
     }
     wet = {name: run for name, run in runs.items() if name in ("D60/U0", "D60/U1", "D40/U1")}
-    if wet and all(
-        "hydrodynamics_snapshot_quaternion" in run for run in wet.values()
-    ):  # packed runs hold too little of the vehicle
+    if wet and all("hydrodynamics_snapshot_quaternion" in run for run in wet.values()):  # packed runs have none
         outputs["cfd_surfaces.png"] = surfaces(wet)
     if "D60/U1" in worst:
         outputs["cfd_uncertainty.png"] = uncertainty(worst, simple["D60/U1, coefficients"])

@@ -19,13 +19,12 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from exumob.learning.dataset import base_loads, body_states, usable, water_of
+from exumob.learning.dataset import base_loads, body_states, least_loads, usable, water_of
 from exumob.support.arrays import Array
-from exumob.support.constants import GRAVITY
 from exumob.support.provenance import provenance
+from exumob.vehicle.motion import WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.wave_loads import (
-    COMPONENTS,
     FORMS,
     KIND_OF_BODY,
     KINDS,
@@ -41,8 +40,6 @@ RIDGE = 1e-3
 """Penalty on the distance from the prior, of terms of size 1 [-]."""
 LEAST = 1e-7
 """Size of a coefficient below which it is rounding, and 0 [-]; others are kept to five digits."""
-LEAST_LOAD = 1e-3
-"""Deviation of a load over the vehicle's weight below which it counts as this much [-]: smaller ones move nothing."""
 Runs = tuple[Vehicle, Mapping[str, xr.Dataset]]
 """A vehicle and its runs by name, packed or imported"""
 
@@ -78,7 +75,7 @@ def fit_wave_coefficients(groups: Sequence[Runs], prior: WaveCoefficients | None
     for kind, name in enumerate(KINDS):
         bodies = [b for b, k in enumerate(KIND_OF_BODY) if k == kind]
         for component, forms in FORMS[name].items():
-            k, size = COMPONENTS.index(component), len(forms)
+            k, size = WRENCH_COMPONENTS.index(component), len(forms)
             rows = [row for group in fitted for row in group.rows(bodies, k, size)]
             base, held = _resisting(forms) if component == "Fy" else (np.eye(size), np.zeros(size, bool))
             values[kind, k, :size] = _least_squares(rows, start[kind, k, :size], base, held)
@@ -104,14 +101,10 @@ class _Group:
         self.weight = math.sqrt(math.sqrt(len(runs)) / len(self.terms))
         """Of one row"""
 
-    def deviation(self, loads: Array, moment: bool) -> float:
-        """Deviation of a load, or `LEAST_LOAD` of the vehicle's weight (a moment: times half the wheelbase)."""
-        least = LEAST_LOAD * self.vehicle.mass * GRAVITY * (0.5 * self.vehicle.wheelbase if moment else 1.0)
-        return max(float(loads.std()), least)
-
     def rows(self, bodies: Sequence[int], k: int, size: int) -> list[tuple[Array, Array]]:
-        """Rows of the equations of one component of bodies: terms and load, over the load's deviation."""
-        factor = self.weight / self.deviation(self.lacking[:, bodies, k], moment=k > 2) / math.sqrt(len(bodies))
+        """Rows of the equations of one component of bodies: terms and load, over its deviation or `least_loads`."""
+        deviation = max(float(self.lacking[:, bodies, k].std()), least_loads(self.vehicle)[k])
+        factor = self.weight / deviation / math.sqrt(len(bodies))
         return [(factor * self.terms[:, body, k, :size], factor * self.lacking[:, body, k]) for body in bodies]
 
 

@@ -23,6 +23,7 @@ from exumob.simulation.result_files import load_dataset
 from exumob.simulation.results import VARIABLES as RESULTS
 from exumob.simulation.results import attributes
 from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
 from exumob.support.dimensions import with_described_names
 from exumob.support.quantities import unusual
 from exumob.support.smoothing import WINDOW, smoothed, window_samples
@@ -37,6 +38,9 @@ from exumob.water.flow_states import FLOW_STATES, flow_states
 from exumob.water.mesh_file import mesh_digest
 from exumob.water.wave_loads import WaveCoefficients
 
+LEAST_LOAD = 1e-3
+"""Deviation of a load over the vehicle's weight (a moment: times half the wheelbase) below which an error is taken over
+this much: the dry hull of shallow water has loads of next to nothing, and errors of many times that do nothing [-]."""
 SAMPLING = HISTORY_STEP
 """Interval between the samples of a packed run [s]."""
 VARIABLES = (
@@ -456,6 +460,12 @@ def usable(run: xr.Dataset) -> NDArray[np.bool_]:
     for jump in jumps:
         good[max(jump - JUMP_REACH, 0) : jump + JUMP_REACH + 1] = False
     return good
+
+
+def least_loads(vehicle: Vehicle) -> Array:
+    """Loads that a vehicle hardly feels: `LEAST_LOAD` of its weight [N], times half the wheelbase [N m]; shape (6,)."""
+    least = LEAST_LOAD * vehicle.mass * GRAVITY
+    return np.repeat([least, 0.5 * vehicle.wheelbase * least], 3)
 
 
 def base_loads(run: xr.Dataset, vehicle: Vehicle, waves: WaveCoefficients | None = None) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from exumob.ground.soil import Soil
-from exumob.learning.dataset import base_loads, body_states, usable, water_of
+from exumob.learning.dataset import base_loads, body_states, least_loads, usable, water_of
 from exumob.learning.evaluation import THINNING, closed_loop, predicted_loads
 from exumob.learning.plan import FreeTask, LearningPlan, maneuver_name
 from exumob.paper.reference_runs import SOIL
@@ -20,7 +20,6 @@ from exumob.simulation.run import simulate
 from exumob.simulation.summary import range_shares
 from exumob.simulation.trust import card_parameters
 from exumob.support.arrays import Array
-from exumob.support.constants import GRAVITY
 from exumob.support.errors import SimulationError
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
@@ -37,9 +36,6 @@ DEVIATIONS = tuple(round(0.25 * n, 2) for n in range(1, 17))
 TWO = DEVIATIONS.index(2.0)
 BETTER = 0.95
 """Error over that of the coefficients from which networks are called no better than they are [-]."""
-LEAST_LOAD = 1e-3
-"""Deviation of a load over the vehicle's weight (a moment: times half the wheelbase) below which an error is taken over
-this much: the dry hull of shallow water has loads of next to nothing, and errors of many times that do nothing [-]."""
 LEAST_PATH = 0.05
 """Length of path from which the end of a drive is compared, over the vehicle's wheelbase [-]."""
 
@@ -88,13 +84,13 @@ def load_errors(compared: Mapping[str, Compared], vehicle: Vehicle) -> xr.Datase
     compared : mapping
         Loads along runs, by name.
     vehicle : Vehicle
-        Its weight and wheelbase tell which loads are next to nothing (`LEAST_LOAD`).
+        Its weight and wheelbase tell which loads are next to nothing (`least_loads`).
 
     Returns
     -------
     xarray.Dataset
         ``networks``, ``coefficients`` (body, component): root mean square error over the deviation of the flow's loads
-        in all runs, or over `LEAST_LOAD` where that is more [-]; ``by_run`` (run): the mean of it over bodies and
+        in all runs, or over `least_loads` where that is more [-]; ``by_run`` (run): the mean of it over bodies and
         components, by the deviation in all runs; ``inside`` (deviations): share of the samples that lie within so many
         standard deviations of the ensemble [-]; ``deviation``, ``spread`` (body, component): what errors are taken
         over, and root mean square of the ensemble's deviation [N, N m].
@@ -103,8 +99,7 @@ def load_errors(compared: Mapping[str, Compared], vehicle: Vehicle) -> xr.Datase
         np.concatenate([getattr(one, name) for one in compared.values()])
         for name in ("flow", "networks", "spread", "coefficients")
     )
-    least = LEAST_LOAD * vehicle.mass * GRAVITY
-    deviation = np.maximum(flow.std(axis=0), np.repeat([least, 0.5 * vehicle.wheelbase * least], 3))
+    deviation = np.maximum(flow.std(axis=0), least_loads(vehicle))
 
     def rms(values: Array) -> Array:
         return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

@@ -9,7 +9,8 @@ hull's lowest point (negative: it is above the level), Froude's number F = |u| /
 
 (w: how far the heap, no higher than the depth, reaches up the hull), each load is a sum of a few terms with one
 dimensionless coefficient each. So the same numbers serve a vehicle of another size at the same Froude number. They are
-fitted by `studies/calibrate_coefficients.py`, which also says how far they carry over to other vehicles.
+fitted by `exumob.learning.calibration`; `studies/calibrate_coefficients.py` makes those that come with exumob, and says
+how far they carry over to other vehicles.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from exumob.support.arrays import Array
 from exumob.support.constants import GRAVITY
 from exumob.support.files import PACKAGE
 from exumob.support.kernels import njit
-from exumob.vehicle.motion import BodyStates
+from exumob.vehicle.motion import WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import WaterOverBed
 from exumob.water.flow_states import horizontal_motion, local_current, local_depth
@@ -44,7 +45,6 @@ TERMS = 6
 """Most terms of a load."""
 KINDS = ("hull", "front", "rear")
 """Bodies with coefficients of their own: the hull, the front wheels, the rear wheels."""
-COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 KIND_OF_BODY = (0, 1, 1, 2, 2)
 """Index of `KINDS` for each body."""
 _EVEN = ("w", "w F", "w F^2", "w t", "w t F")
@@ -90,7 +90,7 @@ class VehicleLengths(NamedTuple):
 class WaveCoefficients:
     """Dimensionless coefficients of the terms, in the order of `FORMS`."""
 
-    SHAPE: ClassVar = (len(KINDS), len(COMPONENTS), TERMS)
+    SHAPE: ClassVar = (len(KINDS), len(WRENCH_COMPONENTS), TERMS)
     values: Array
     """Shape (3, 6, 6): kind of body, component, term; 0 where there is none"""
     about: dict[str, Any]
@@ -110,7 +110,7 @@ class WaveCoefficients:
         """Coefficients by kind of body, component and term, as files keep them."""
         return {
             kind: {
-                name: dict(zip(forms, map(float, self.values[n, COMPONENTS.index(name)]), strict=False))
+                name: dict(zip(forms, map(float, self.values[n, WRENCH_COMPONENTS.index(name)]), strict=False))
                 for name, forms in FORMS[kind].items()
             }
             for n, kind in enumerate(KINDS)
@@ -132,7 +132,7 @@ class WaveCoefficients:
                     given = terms[kind][name]
                     if tuple(given) != forms:
                         raise ValueError(f"{kind} {name} has the terms {', '.join(map(str, given))}")
-                    values[n, COMPONENTS.index(name), : len(forms)] = [float(given[form]) for form in forms]
+                    values[n, WRENCH_COMPONENTS.index(name), : len(forms)] = [float(given[form]) for form in forms]
         except (KeyError, TypeError, AttributeError, OverflowError) as error:
             raise ValueError(f"{type(error).__name__} {error}") from None
         if not np.isfinite(values).all():
@@ -276,7 +276,7 @@ def wave_loads_along(
 def terms_along(vehicle: Vehicle, around: WaterOverBed, density: float, states: BodyStates) -> Array:
     """Return `wave_terms` at all instants of a motion, shape (n, 5, 6, 6)."""
     lengths = vehicle_lengths(vehicle)
-    found = np.empty((len(states), 5, len(COMPONENTS), TERMS))
+    found = np.empty((len(states), 5, len(WRENCH_COMPONENTS), TERMS))
     for n in range(len(states)):
         wave_terms(
             lengths, density, around, *(np.ascontiguousarray(getattr(states, name)[n]) for name in (

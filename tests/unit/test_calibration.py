@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("torch")
 from exumob.learning.calibration import fit_wave_coefficients
 from exumob.learning.dataset import base_loads, body_states, water_of
+from exumob.vehicle.motion import WRENCH_COMPONENTS
 from exumob.water.wave_loads import (
-    COMPONENTS,
     FORMS,
     KINDS,
     MOST_DRAUGHT,
@@ -29,7 +29,7 @@ def made(runs, vehicle):
     values = np.zeros(WaveCoefficients.SHAPE)
     for n, name in enumerate(KINDS):
         for component, forms in FORMS[name].items():
-            values[n, COMPONENTS.index(component), : len(forms)] = -0.2
+            values[n, WRENCH_COMPONENTS.index(component), : len(forms)] = -0.2
     known = WaveCoefficients(values, {})
     found = {}
     for name, run in runs.items():
@@ -53,7 +53,7 @@ def side_forces(values):
     for n, name in enumerate(KINDS):
         forms = FORMS[name].get("Fy", ())
         if forms:
-            given = values[n, COMPONENTS.index("Fy")]
+            given = values[n, WRENCH_COMPONENTS.index("Fy")]
             for wash in (0.0, given[3] if "wash" in forms else 0.0):
                 for f, t in itertools.product((0.0, MOST_FROUDE), (0.0, MOST_DRAUGHT)):
                     yield given[0] + given[1] * f + given[2] * t + wash

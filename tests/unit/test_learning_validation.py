@@ -5,9 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from exumob.learning.dataset import LEAST_LOAD
 from exumob.learning.presets import PRESETS
 from exumob.learning.report_card import unknown
-from exumob.learning.validation import LEAST_LOAD, Compared, load_errors, shortfall
+from exumob.learning.validation import Compared, load_errors, shortfall
 from exumob.support.constants import GRAVITY
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.small_car import small_car

@@ -13,11 +13,11 @@ from exumob.simulation.run import simulate
 from exumob.simulation.water_models import hydrodynamics_named
 from exumob.support.errors import SimulationError
 from exumob.support.rotations import about_x, about_y, about_z
+from exumob.vehicle.motion import WRENCH_COMPONENTS
 from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.wave_loads import (
-    COMPONENTS,
     FORMS,
     KINDS,
     WaveCoefficients,
@@ -147,7 +147,7 @@ def test_file_round_trip(tmp_path):
     np.testing.assert_allclose(again.values, found.values, rtol=1e-12)
     assert again.about == found.about
     for n, kind in enumerate(KINDS):
-        for k, name in enumerate(COMPONENTS):
+        for k, name in enumerate(WRENCH_COMPONENTS):
             assert not found.values[n, k, len(FORMS[kind].get(name, ())) :].any()
             assert found.values[n, k].any() == (name in FORMS[kind])
 
