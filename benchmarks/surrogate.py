@@ -26,7 +26,8 @@ from past import past, ratio
 from exumob.learning.presets import PRESETS
 from exumob.surrogates.inputs import network_inputs, window_rows
 from exumob.surrogates.model import SurrogateHydrodynamics
-from exumob.surrogates.networks import NetworkSet, geometry
+from exumob.surrogates.networks import NetworkSet
+from exumob.surrogates.vehicle_shape import geometry
 from exumob.vehicle.motion import BodyStates
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water

@@ -45,7 +45,8 @@ from exumob.support.errors import SimulationError
 from exumob.support.figures import STYLE
 from exumob.support.files import atomic_write
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
-from exumob.surrogates.networks import NetworkSet, geometry
+from exumob.surrogates.networks import NetworkSet
+from exumob.surrogates.vehicle_shape import geometry
 from vehicle_models.amphibious import amphibious_vehicle
 
 START = ("D40/U0", "D60/U1")

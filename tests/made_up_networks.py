@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from exumob.surrogates.networks import Architecture, NetworkSet, geometry
+from exumob.surrogates.networks import Architecture, NetworkSet
+from exumob.surrogates.vehicle_shape import geometry
 from exumob.water.wave_loads import fitted_coefficients
 
 SMALL = Architecture(inputs=("forward_flow", "lateral_flow", "yaw_rate"), taps=4, stride=5, width=7, dense=5)

@@ -28,7 +28,8 @@ from exumob.support.dimensions import with_described_names
 from exumob.support.quantities import unusual
 from exumob.support.smoothing import WINDOW, smoothed, window_samples
 from exumob.surrogates.memory import filtered
-from exumob.surrogates.networks import Architecture, geometry
+from exumob.surrogates.networks import Architecture
+from exumob.surrogates.vehicle_shape import geometry
 from exumob.vehicle.motion import BODIES, HISTORY_STEP, WHEELS, WRENCH_COMPONENTS, BodyStates, quaternions
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.calibrated import CalibratedHydrodynamics

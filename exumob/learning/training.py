@@ -31,7 +31,8 @@ from exumob.support.files import atomic_write, require_folder_name, require_writ
 from exumob.support.processes import end_with_parent, stopping
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity
-from exumob.surrogates.networks import NetworkSet, Single, geometry, read_arrays, write_arrays
+from exumob.surrogates.networks import NetworkSet, Single, read_arrays, write_arrays
+from exumob.surrogates.vehicle_shape import geometry
 from exumob.vehicle.motion import BODIES, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.mesh_file import mesh_digest

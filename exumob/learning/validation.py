@@ -18,11 +18,11 @@ from exumob.learning.plan import FreeTask, LearningPlan, maneuver_name
 from exumob.paper.reference_runs import SOIL
 from exumob.simulation.run import simulate
 from exumob.simulation.summary import range_shares
-from exumob.simulation.trust import card_parameters
 from exumob.support.arrays import Array
 from exumob.support.errors import SimulationError
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
+from exumob.surrogates.vehicle_shape import card_parameters
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.calibrated import CalibratedHydrodynamics

@@ -30,7 +30,7 @@ from exumob.support.declared import Declared, checked
 from exumob.support.files import atomic_write, require_folder_name
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity, Unusual
-from exumob.surrogates.networks import FURTHER_GEOMETRY, GEOMETRY
+from exumob.surrogates.vehicle_shape import FURTHER_GEOMETRY, GEOMETRY
 from exumob.sweeps.run import Progress, sweep
 from exumob.sweeps.sampling import (
     ANY,

@@ -7,10 +7,11 @@ import logging
 from collections.abc import Sequence
 from pathlib import Path
 
-from exumob.simulation.trust import elsewhere_off, measured_vehicle, shape_differences
+from exumob.simulation.measured_runs import elsewhere_off, measured_vehicle
 from exumob.support.declared import checked
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
+from exumob.surrogates.vehicle_shape import shape_differences
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients

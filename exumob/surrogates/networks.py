@@ -36,9 +36,9 @@ from exumob.surrogates.network_kernels import (
     measure_excess,
     monomials,
 )
+from exumob.surrogates.vehicle_shape import GEOMETRY, geometry
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
-from exumob.water.mesh_file import mesh_digest
 from exumob.water.wave_loads import WaveCoefficients
 
 FORMAT, VERSION = "exumob networks", 2
@@ -54,14 +54,6 @@ TRAINED_DENSITY = 1000.0
 """Density of the water to which the wrenches in training are brought [kg/m^3]; they are proportional to it."""
 EDGE = 0.05
 """Distance outside its training range, over the range's width, at which an input is held [-]."""
-GEOMETRY = (
-    "hull.length", "hull.width", "hull.height", "hull.ground_clearance", "hull.center_of_mass_height",
-    "hull.center_of_mass_x", "hull.center_x", "hull.bow_length", "hull.bow_height", "hull.mesh", "wheel.diameter",
-    "wheel.width", "wheelbase", "track",
-)  # fmt: skip
-"""Parameters of a vehicle that shape the flow: networks fit no vehicle that differs in one of them."""
-FURTHER_GEOMETRY = ("hull.stern_length", "hull.stern_height", "hull.boxes", "hull.wheel_arches")
-"""More of them, which `geometry` tells as one under ``hull.mesh``: no trained vehicle has any."""
 
 
 @dataclass(frozen=True)
@@ -341,31 +333,6 @@ class NetworkSet:
 def network_file(file: str | Path) -> Path:
     """Return the path of a file of networks, or of those that come with exumob under a name of `NAMED`."""
     return WEIGHTS / "named" / f"{file}.safetensors" if str(file) in NAMED else Path(file)
-
-
-def geometry(vehicle: Vehicle) -> dict[str, Any]:
-    """Return the parameters of a vehicle that shape the flow, by name (`GEOMETRY`)."""
-    found: dict[str, Any] = {}
-    for name in GEOMETRY:
-        value: Any = vehicle
-        for part in name.split("."):
-            value = getattr(value, part)
-        found[name] = value if value is None or isinstance(value, int | float) else str(value)
-    if vehicle.hull.mesh is not None:
-        found["hull.mesh"] = f"contents {mesh_digest(vehicle.hull)[:16]}"  # a path does not say which shape
-    else:
-        found["hull.mesh"] = further_shape(vehicle)
-    return found
-
-
-def further_shape(vehicle: Vehicle) -> str | None:
-    """Return a text for what a hull of boxes has beyond the first one with its bow (`GEOMETRY`); None if nothing."""
-    hull = vehicle.hull
-    stern = (hull.stern_length, hull.stern_height)
-    if not hull.boxes and hull.wheel_arches is None and 0.0 in stern:
-        return None
-    more = (hull.boxes, hull.wheel_arches, stern)
-    return f"more boxes, wheel arches or a raked stern {hashlib.sha256(repr(more).encode()).hexdigest()[:16]}"
 
 
 def write_arrays(path: Path, header: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:

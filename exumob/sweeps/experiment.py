@@ -31,7 +31,7 @@ from exumob.support.declared import Declared, DeclaredField, check_of, declared_
 from exumob.support.files import why_no_file
 from exumob.support.quantities import DEPTH_RATIO, STEP, Quantity, shown
 from exumob.surrogates.model import SurrogateHydrodynamics
-from exumob.surrogates.networks import FURTHER_GEOMETRY, GEOMETRY
+from exumob.surrogates.vehicle_shape import FURTHER_GEOMETRY, GEOMETRY
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.point_force import PointForce
 from exumob.vehicle.start_pose import AT_ORIGIN, StartPose

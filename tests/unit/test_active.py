@@ -9,7 +9,8 @@ from exumob.learning import evaluation
 from exumob.learning.disagreement import disagreement, load_scale, next_scenario, rank
 from exumob.paper.scenarios import Scenario
 from exumob.support.errors import SimulationError
-from exumob.surrogates.networks import Architecture, NetworkSet, geometry
+from exumob.surrogates.networks import Architecture, NetworkSet
+from exumob.surrogates.vehicle_shape import geometry
 
 SHORT = {"micro_step": 5e-4, "macro_step": 20e-3, "duration": 0.1}
 WATERS = [Scenario.named(name) for name in ("D60/U0.5", "D60/U1@30/-30deg", "D60/U0")]

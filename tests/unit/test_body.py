@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exumob.surrogates.networks import geometry
+from exumob.surrogates.vehicle_shape import geometry
 from exumob.sweeps.experiment import amphibious_lane_change
 from exumob.vehicle.body import arch_of, body_faces, is_plain, triangulated, with_shared_corners
 from exumob.vehicle.hull import Box, Hull, WheelArches

@@ -13,11 +13,12 @@ from exumob.driving.maneuver import ConstantSteer, Recorded, lane_change, smooth
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.simulation.description import RunDescription, Steps
-from exumob.simulation.trust import card_parameters, trust_of
+from exumob.simulation.trust import trust_of
 from exumob.simulation.water_models import hydrodynamics_named
 from exumob.surrogates.ensemble import card_of, load_members, save_ensemble
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import Architecture, NetworkSet, network_file, write_arrays
+from exumob.surrogates.vehicle_shape import card_parameters
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from exumob.simulation.water_models import hydrodynamics_named
-from exumob.surrogates.networks import geometry
+from exumob.surrogates.vehicle_shape import geometry
 from exumob.water.conditions import Water
 from exumob.water.hydrostatics import hydrostatic_wrench
 from exumob.water.mesh_file import mesh_digest, mesh_triangles, mesh_wheel_gap

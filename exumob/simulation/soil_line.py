@@ -1,0 +1,47 @@
+"""What the forces of the soil rest on, in a sentence for the line of trust."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from exumob.ground.soil import Soil
+from exumob.simulation.description import RunDescription
+from exumob.support.measured import measured_errors
+from exumob.support.wording import percents
+
+
+def soil_line(runs: Sequence[RunDescription]) -> str:
+    """Say what the forces of the soil rest on."""
+    wheel = measured_errors()["soil_forces"]
+    names = list(dict.fromkeys(run.soil.name or "soil" for run in runs))
+    named = ", ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else "")
+    own = any(not is_published(run.soil) for run in runs)
+    flat = all(run.terrain.is_flat for run in runs)
+    return (
+        f"Soil: {'your own' if own else 'published'} values ({named}), {'flat' if flat else 'given terrain'}; "
+        f"{percents(wheel['error_low'], wheel['error_high'])} of the load off on one measured wheel, up to "
+        f"{wheel['side_slip_deg']:g} deg of side slip.{_soil_under_water(runs)}"
+    )
+
+
+def _soil_under_water(runs: Sequence[RunDescription]) -> str:
+    """Say at which moisture a published soil that is under water was measured."""
+    wet = {run.soil.name for run in runs if run.water is not None and is_published(run.soil)}
+    said = [f"{row.name} {row.under_water}" for row in Soil.published_table() if row.name in wet]
+    if not said:
+        return ""
+    more = f", and {len(said) - 1} more likewise" if len(said) > 1 else ""
+    return f" Under water soil is saturated: {said[0]}{more}."
+
+
+def is_published_as(soil: Soil, name: str) -> bool:
+    """Whether a soil is the published one of that name, with its values."""
+    return soil.name == name and soil == Soil.published(name)
+
+
+def is_published(soil: Soil) -> bool:
+    """Whether a soil is a published one, with its values."""
+    try:
+        return soil == Soil.published(soil.name)
+    except ValueError:
+        return False
