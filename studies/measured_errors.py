@@ -27,9 +27,12 @@ from common import CFD_RUNS, FIGURES, study_parser
 from exumob import Soil, load_dataset, simulate, summary
 from exumob.driving.maneuver import ConstantSteer, LaneChange
 from exumob.learning.dataset import load_runs
+from exumob.learning.error_bars import fitted_floor
 from exumob.learning.evaluation import closed_loop, drive
+from exumob.learning.validation import compare_loads
 from exumob.paper.reference_runs import CELL_SIZE, SOIL
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
+from exumob.simulation.ensemble import add_members
 from exumob.simulation.settings import DEFAULT_SETTING, DURATION, setting_named
 from exumob.support.files import atomic_write
 from exumob.support.measured import MEASURED_FILE
@@ -64,7 +67,8 @@ def errors(scenario: Scenario, reference: xr.Dataset, model: Hydrodynamics, vehi
     dict
         ``end``: distance of the final positions over the length of the path [-]; ``forward``, ``lateral``: the model's
         displacement less the flow's [m]; ``speed``: speed straight ahead less the flow's [m/s]; with networks
-        ``out_of_range`` and ``fallback`` (`exumob.simulation.summary.summary`), the larger one of both runs [-].
+        ``out_of_range`` and ``fallback`` (`exumob.simulation.summary.summary`), the larger one of both runs [-], and on
+        unseen runs the ``spread`` of their members' ends [-].
     """
     run = drive(scenario, model, vehicle)
     found = closed_loop(run, reference)
@@ -78,10 +82,30 @@ def errors(scenario: Scenario, reference: xr.Dataset, model: Hydrodynamics, vehi
         "lateral": found["lateral"],
         "speed": end_speed(straight, WINDOW) - end_speed(reference, FLOW_WINDOW),
     }
+    if isinstance(model, SurrogateHydrodynamics) and len(model.networks) > 1 and scenario in UNSEEN:
+        row["spread"] = members_spread(scenario, model, vehicle, run)
     for name in ("out_of_range", "fallback"):
         if f"{name}_share" in shares[0]:
             row[name] = max(s[f"{name}_share"] for s in shares)
     return {name: float(f"{value:.3g}") for name, value in row.items()}
+
+
+def members_spread(scenario: Scenario, model: SurrogateHydrodynamics, vehicle: Vehicle, run: xr.Dataset) -> float:
+    """How far the members end from each other: standard deviation over the length of the path [-]."""
+    soil, water = Soil.published(SOIL), scenario.water(vehicle)
+    steps = {"setting": DEFAULT_SETTING, "record_step": 10e-3}
+    found = summary(add_members(run, vehicle, soil, water, scenario.maneuver(), model, **steps))
+    return float(np.hypot(found["forward_spread"], found["lateral_spread"])) / found["distance"]
+
+
+def floors(models: dict[str, SurrogateHydrodynamics], runs: dict[str, xr.Dataset], vehicle: Vehicle) -> dict[str, Any]:
+    """Floor of the networks' error bars on runs that they had not seen [N, N m], by networks."""
+    found = {}
+    for name, model in models.items():
+        compared = [compare_loads(model.networks, run, vehicle) for run in runs.values()]
+        floor = fitted_floor([one.networks - one.flow for one in compared], [one.spread for one in compared])
+        found[name] = [[float(f"{value:.3g}") for value in row] for row in floor]
+    return found
 
 
 def dry(vehicle: Vehicle) -> dict[str, Any]:
@@ -97,9 +121,11 @@ def repeatability(table: xr.Dataset) -> dict[str, Any]:
     forward, lateral = (np.abs(table[name].sel(run=["D60/U1", *variants]).values) for name in ("forward", "lateral"))
     off = np.hypot(forward - forward[0], lateral - lateral[0]) / np.hypot(forward[0], lateral[0])
     sizes = {CELL_SIZE} | {VARIANTS[name].cell_size for name in variants}
+    ends = {name: float(f"{end:.2g}") for name, end in zip(variants, off[1:], strict=True)}
     return {
         "source": "studies/figures/cfd_lane_change.nc (python studies/cfd_lane_change.py)",
-        "scenario": "D60/U1", "variants": variants, "cell_sizes": sorted(sizes), "end": float(f"{off.max():.2g}"),
+        "scenario": "D60/U1", "variants": variants, "cell_sizes": sorted(sizes),
+        "cell_size": CELL_SIZE, "ends": ends, "end": float(f"{off.max():.2g}"),
     }  # fmt: skip
 
 
@@ -174,6 +200,9 @@ def main(quick: bool = False) -> dict[str, Any]:
         "networks": [network.digest() for network in ensemble.networks],
         "named": {name: [network.digest() for network in model.networks] for name, model in named.items()},
         "runs": rows,
+        "load_floor": floors(
+            {"networks": ensemble, **named}, {s.name: references[s.name] for s in chosen if s in UNSEEN}, vehicle
+        ),
         "dry": {} if quick else dry(vehicle),
         "flow": repeatability(load_dataset(FIGURES / "cfd_lane_change.nc")),
         "elsewhere": elsewhere(load_dataset(FIGURES / "calibrate_coefficients.nc")),

@@ -89,6 +89,12 @@ def _print_trust(result: xr.Dataset) -> None:
     if "trust" in result.attrs:
         style = None if result.attrs["trust_status"] == "measured" else "yellow"
         console.print(f"{'trust':<21} {_aspects(result.attrs['trust'], 22)}", style=style, soft_wrap=True)
+    parts = str(result.attrs.get("trust_errors", "")).splitlines()
+    if parts:
+        console.print("of what the error of the path's end consists, over its length:")
+    for part in parts:
+        name, _, amount = part.partition(": ")
+        console.print(f"  {name:<23} {amount}", soft_wrap=True)
 
 
 def _aspects(text: str, indent: int) -> str:

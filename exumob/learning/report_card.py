@@ -77,8 +77,7 @@ def report_card(contents: CardContents) -> str:
         "<h2>Errors of the loads, on runs kept apart</h2>", _load_text(c), _load_table(c), _inlined(_draw_loads(c)),
         "<h2>Drives, beside the same with the flow in the loop</h2>", _drive_text(c), _drive_table(c),
         *([_inlined(_draw_paths(c))] if c.drives else []),
-        "<h2>Error bars</h2>", _calibration_text(c),
-        *([_inlined(_draw_calibration(c))] if c.figures["members"] > 1 else []),
+        "<h2>Error bars</h2>", _calibration_text(c), _inlined(_draw_calibration(c)),
         "<h2>What these networks do not know</h2>", _list(unknown(c)),
         "<h2>How they were made</h2>", _run_table(c),
     ]  # fmt: skip
@@ -109,12 +108,7 @@ def _verdict(c: CardContents) -> str:
             f"Drives end {100.0 * float(np.mean(ends)):.3g} % of the path (at worst {100.0 * max(ends):.3g} %) from "
             f"those with the flow in the loop{alone}; the coefficients gave {shares:.0f} % of the loads in them."
         )
-    bars = (
-        f"{100.0 * c.figures['inside']:.0f} % of the loads lie within two deviations of the ensemble (a trustworthy "
-        "error bar holds 95 %)."
-        if c.figures["members"] > 1
-        else "There are no error bars: these are networks of one seed."
-    )
+    bars = f"{100.0 * c.figures['inside']:.0f} % of the loads lie within two standard deviations (it should be 95 %)."
     return (
         f"On runs that they have not seen the loads are off by {error:.2f} of their deviation, {better} the "
         f"coefficients fitted to the same runs ({base:.2f}). {drives} {bars} {shortfall(c.figures)}"
@@ -199,11 +193,11 @@ def _draw_loads(c: CardContents) -> Figure:
         figure, panels = plt.subplots(len(SHOWN), 1, figsize=(10.0, 7.0), sharex=True, layout="constrained")
         for axes, (body, component, unit) in zip(panels, SHOWN, strict=True):
             b, k = BODIES.index(body), WRENCH_COMPONENTS.index(component)
-            mean, spread = one.networks[:, b, k], one.spread[:, b, k]
+            mean, spread = one.networks[:, b, k], np.hypot(one.spread[:, b, k], float(c.errors["floor"][b, k]))
             axes.fill_between(one.time, mean - 2.0 * spread, mean + 2.0 * spread, color="C0", alpha=0.25, lw=0.0)
             axes.plot(one.time, one.coefficients[:, b, k], color="0.6", lw=0.9, label="coefficients")
             axes.plot(one.time, one.flow[:, b, k], color="k", lw=1.0, label="flow")
-            axes.plot(one.time, mean, color="C0", lw=1.2, label="networks, two deviations")
+            axes.plot(one.time, mean, color="C0", lw=1.2, label="networks, two standard deviations")
             axes.set_ylabel(f"{body.replace('_', ' ')} {component} [{unit}]")
             low, high = np.quantile(np.concatenate([one.flow[:, b, k], mean]), [0.002, 0.998])
             axes.set_ylim(low - 0.25 * (high - low), high + 0.25 * (high - low))
@@ -262,21 +256,28 @@ def _draw_paths(c: CardContents) -> Figure:
 
 
 def _calibration_text(c: CardContents) -> str:
-    inside, members = c.figures["inside"], c.figures["members"]
-    if members < 2:
-        return "<p>One set of networks has no spread: there are no error bars. Train several seeds.</p>"
+    f, members = c.figures, c.figures["members"]
     reached = [z for z, share in zip(DEVIATIONS, c.errors["inside"].values, strict=True) if share >= NORMAL[TWO]]
     factor = (
         f"{reached[0]:g} deviations hold as many as two should"
         if reached
         else f"not even {DEVIATIONS[-1]:g} deviations hold as many as two should"
     )
-    width = float((c.errors["spread"] / c.errors["deviation"]).mean())
+    spread = float((c.errors["spread"] / c.errors["deviation"]).mean())
+    alone = (
+        f" The spread of the {members} members alone is {spread:.2f} wide, and two of it hold "
+        f"{100.0 * f['inside_spread']:.0f} %."
+        if members > 1
+        else ""
+    )
+    others = "; each of these is judged with what was measured on the others" if f["runs"] > 1 else ""
     text = (
-        f"Two standard deviations of the {members} members hold {100.0 * inside:.0f} % of the loads ({factor}); their "
-        f"mean width is {width:.2f} of the loads' deviation to either side of the mean for one. The spread of an "
-        "ensemble says how far its members disagree. It does not hold what all of them lack: the flow's scatter from "
-        "run to run, the cells, and the flow model."
+        "The error bar of a load is the spread of the members and what all of them lack, which was measured on the "
+        f"runs kept apart{others}. Two standard deviations hold "
+        f"{100.0 * f['inside']:.0f} % of the loads ({factor}); one is {f['width']:.2f} of the loads' deviation wide, "
+        f"to either side.{alone} A run with the networks keeps the bars as hydrodynamics_load_error. They hold the "
+        "error beside the flow on these cells, with the flow's scatter from run to run; not what other cells would "
+        "change, and not the error of the flow model."
     )
     return f"<p>{html.escape(text)}</p>"
 
@@ -285,8 +286,11 @@ def _draw_calibration(c: CardContents) -> Figure:
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(4.4, 3.4), layout="constrained")
         axes.plot(DEVIATIONS, 100.0 * np.array(NORMAL), color="0.5", ls="--", label="as errors should fall")
-        axes.plot(DEVIATIONS, 100.0 * c.errors["inside"].values, color="C0", marker="o", ms=3, label="as they fall")
-        axes.set(xlabel="deviations of the ensemble", ylabel="loads within [%]", ylim=(0.0, 102.0))
+        axes.plot(DEVIATIONS, 100.0 * c.errors["inside"].values, color="C0", marker="o", ms=3, label="error bars")
+        if c.figures["members"] > 1:
+            alone = 100.0 * c.errors["inside_spread"].values
+            axes.plot(DEVIATIONS, alone, color="C1", marker="s", ms=3, label="spread alone")
+        axes.set(xlabel="standard deviations", ylabel="loads within [%]", ylim=(0.0, 102.0))
         axes.legend()
     return figure
 

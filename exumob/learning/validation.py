@@ -13,6 +13,7 @@ import xarray as xr
 
 from exumob.ground.soil import Soil
 from exumob.learning.dataset import base_loads, body_states, least_loads, usable, water_of
+from exumob.learning.error_bars import error_bars, fitted_floor, share_within
 from exumob.learning.evaluation import THINNING, closed_loop, predicted_loads
 from exumob.learning.plan import FreeTask, LearningPlan, maneuver_name
 from exumob.paper.reference_runs import SOIL
@@ -32,7 +33,7 @@ from exumob.water.wave_loads import fitted_coefficients, wave_loads_along
 logger = logging.getLogger(__name__)
 
 DEVIATIONS = tuple(round(0.25 * n, 2) for n in range(1, 17))
-"""Widths of error bars that are looked at, in standard deviations of the ensemble [-]."""
+"""Widths of error bars that are looked at, in standard deviations [-]."""
 TWO = DEVIATIONS.index(2.0)
 BETTER = 0.95
 """Error over that of the coefficients from which networks are called no better than they are [-]."""
@@ -91,9 +92,11 @@ def load_errors(compared: Mapping[str, Compared], vehicle: Vehicle) -> xr.Datase
     xarray.Dataset
         ``networks``, ``coefficients`` (body, component): root mean square error over the deviation of the flow's loads
         in all runs, or over `least_loads` where that is more [-]; ``by_run`` (run): the mean of it over bodies and
-        components, by the deviation in all runs; ``inside`` (deviations): share of the samples that lie within so many
-        standard deviations of the ensemble [-]; ``deviation``, ``spread`` (body, component): what errors are taken
-        over, and root mean square of the ensemble's deviation [N, N m].
+        components, by the deviation in all runs; ``inside``, ``inside_spread`` (deviations): share of the samples that
+        lie within so many standard deviations of the error bars, and of the ensemble alone [-]; ``deviation``,
+        ``spread``, ``bars``, ``floor`` (body, component): what errors are taken over, root mean squares of the
+        ensemble's deviation and of the error bars, and their floor [N, N m]. The error bars of a run have the floor of
+        the other ones (`exumob.learning.error_bars`).
     """
     flow, networks, spread, coefficients = (
         np.concatenate([getattr(one, name) for one in compared.values()])
@@ -104,19 +107,24 @@ def load_errors(compared: Mapping[str, Compared], vehicle: Vehicle) -> xr.Datase
     def rms(values: Array) -> Array:
         return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
 
-    off = np.abs(networks - flow)
+    errors = [one.networks - one.flow for one in compared.values()]
+    spreads = [one.spread for one in compared.values()]
+    bars = error_bars(errors, spreads)
     loads, alone = ("body", "component"), "1"
     return xr.Dataset(
         {
-            "networks": (loads, rms(off) / deviation, {"units": alone}),
+            "networks": (loads, rms(networks - flow) / deviation, {"units": alone}),
             "coefficients": (loads, rms(coefficients - flow) / deviation, {"units": alone}),
             "deviation": (loads, deviation, {"units": "N, N m"}),
             "spread": (loads, rms(spread), {"units": "N, N m"}),
+            "bars": (loads, rms(np.concatenate(bars)), {"units": "N, N m"}),
+            "floor": (loads, fitted_floor(errors, spreads), {"units": "N, N m"}),
             "by_run": (
                 "run", [float((rms(c.networks - c.flow) / deviation).mean()) for c in compared.values()],
                 {"units": alone},
             ),
-            "inside": ("deviations", [float(np.mean(off <= z * spread)) for z in DEVIATIONS], {"units": alone}),
+            "inside": ("deviations", [share_within(errors, bars, z) for z in DEVIATIONS], {"units": alone}),
+            "inside_spread": ("deviations", [share_within(errors, spreads, z) for z in DEVIATIONS], {"units": alone}),
         },
         coords={
             "body": list(BODIES), "component": list(WRENCH_COMPONENTS), "run": list(compared),
@@ -267,7 +275,10 @@ def card_figures(
         "rests": members[0].waves is not None,
         "load_error": float(errors["networks"].mean()), "coefficients_load_error": float(errors["coefficients"].mean()),
         "worst_load": f"{str(body).replace('_', ' ')} {component} {float(worst.max()):.2f}",
-        "inside": float(errors["inside"][TWO]), "depth_ratio": [min(ratios), max(ratios)],
+        "inside": float(errors["inside"][TWO]), "inside_spread": float(errors["inside_spread"][TWO]),
+        "width": float((errors["bars"] / errors["deviation"]).mean()),
+        "load_floor": [[float(f"{value:.4g}") for value in row] for row in errors["floor"].values],
+        "depth_ratio": [min(ratios), max(ratios)],
         "current_speed": [min(speeds), max(speeds)], "directions": plan.range.directions, "soil": SOIL,
         "drives": measured, "drives_failed": len(drives) - len(measured), "lost": list(plan.lost),
     }  # fmt: skip

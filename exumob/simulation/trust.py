@@ -25,6 +25,7 @@ from exumob.simulation.departures import (
     merged,
 )
 from exumob.simulation.description import RunDescription
+from exumob.simulation.error_budget import Part, error_parts, flow_parts
 from exumob.simulation.measured_runs import (
     elsewhere_off,
     fitted_off,
@@ -79,6 +80,8 @@ class Trust:
     """What to believe, and what to do, where nothing was measured"""
     nearest: str = ""
     """The error in the measured run that is nearest; a part of `error`"""
+    parts: tuple[Part, ...] = ()
+    """Of what the error consists (`exumob.simulation.error_budget`); empty where nothing was measured"""
 
     @property
     def line(self) -> str:
@@ -108,6 +111,8 @@ class Trust:
         }  # fmt: skip
         if math.isfinite(self.mean):
             found |= {"trust_mean_error": self.mean, "trust_worst_error": self.worst}
+        if self.parts:
+            found["trust_errors"] = "\n".join(f"{name}: {amount}" for name, amount in self.parts)
         return found | ({"trust_nearest": self.nearest} if self.nearest else {})
 
 
@@ -203,7 +208,7 @@ def _flow(run: RunDescription, soil: str) -> Trust:
         f"made again ({', '.join(flow['variants'])}), {flow['scenario']} ended within {percent(flow['end'])} of the "
         f"path; {flow_load_error()}"
     )
-    return Trust("flow in the loop", "measured", error, soil, (), flow["end"], flow["end"])
+    return Trust("flow in the loop", "measured", error, soil, (), flow["end"], flow["end"], parts=flow_parts())
 
 
 def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
@@ -212,7 +217,7 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     name = "calibrated" if isinstance(model, CalibratedHydrodynamics) else "coefficients"
     if isinstance(model, SurrogateHydrodynamics):
         if (card := card_of(model.networks)) is not None:
-            return _learnt(card, soil)
+            return _learnt(model, card, soil)
         shipped = shipped_name(model)
         if shipped is None:
             advice = "networks of your own; compare them with runs that they have not learnt."
@@ -253,7 +258,8 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     error = f"{amount} the flow in the loop{side}{near} ({on}; {which}, {table['soil']}, {ranges_of(rows)}{seen})."
     label = f"networks ({name})" if name in table["named"] else name
     if same:
-        return Trust(label, "measured", error, soil, (), mean, worst, nearest=near)
+        parts = error_parts(model, mean, worst, straight)
+        return Trust(label, "measured", error, soil, (), mean, worst, nearest=near, parts=parts)
     if networks:
         advice = f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop. Elsewhere"
     else:
@@ -264,7 +270,7 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     return Trust(label, "not validated", error, soil, advice=advice)
 
 
-def _learnt(card: Mapping[str, Any], soil: str) -> Trust:
+def _learnt(model: SurrogateHydrodynamics, card: Mapping[str, Any], soil: str) -> Trust:
     """Networks that carry a report card (`exumob learn`), as if the run were like those of the card."""
     ends = [abs(float(one["end"])) for one in card["drives"]]
     drives = (
@@ -273,11 +279,10 @@ def _learnt(card: Mapping[str, Any], soil: str) -> Trust:
         if ends
         else "no drive was compared with the flow in the loop"
     )
-    inside = (
-        f"{100.0 * card['inside']:.0f} % of them within two deviations of the ensemble"
-        if card["members"] > 1
-        else "without error bars, as one seed has none"
-    )
+    inside = f"{100.0 * card['inside']:.0f} % of them within two standard deviations of their error bars"
+    if card.get("load_floor") is None:  # an older file: the spread alone
+        inside = f"{100.0 * card['inside']:.0f} % of them within two deviations of the ensemble"
+        inside = inside if card["members"] > 1 else "without error bars, as one seed has none"
     error = (
         f"{drives}; on {card['runs']} runs kept apart the loads were off by {card['load_error']:.2g} of their "
         f"deviation (worst {card['worst_load']}), {inside} ({card['vehicle']}, learnt from {card['seconds']:.0f} s of "
@@ -290,7 +295,8 @@ def _learnt(card: Mapping[str, Any], soil: str) -> Trust:
     if share > MOSTLY:
         advice = f"the coefficients gave {100.0 * share:.0f} % of the loads in drives that were compared. In them,"
         return Trust("networks", "not validated", error, soil, advice=advice)
-    return Trust("networks", "measured", error, soil, (), float(np.mean(ends)), max(ends))
+    mean, worst = float(np.mean(ends)), max(ends)
+    return Trust("networks", "measured", error, soil, (), mean, worst, parts=error_parts(model, mean, worst))
 
 
 def _what_to_believe(out_of_range: float, fallback: float, shipped: bool) -> str:

@@ -7,16 +7,19 @@ number.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from exumob.support.arrays import Array
 from exumob.support.declared import checked
+from exumob.support.measured import measured_errors
 from exumob.surrogates.networks import (
     COME_WITH_IT,
+    READABLE,
     READS,
     VERSION,
     NetworkSet,
@@ -27,6 +30,7 @@ from exumob.surrogates.networks import (
     read_arrays,
     write_arrays,
 )
+from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 
 ENSEMBLE = "exumob ensemble"
 CARD = "report_card"
@@ -84,7 +88,7 @@ def load_members(file: str | Path) -> list[NetworkSet]:
         return [NetworkSet.load(path)]
     if header.get("version") not in READS:
         raise ValueError(
-            f"{path} is of version {header.get('version')} and this program reads 1 and 2; make it anew with "
+            f"{path} is of version {header.get('version')} and this program reads {READABLE}; make it anew with "
             "`exumob learn`."
         )
     said = header.get("members")
@@ -111,6 +115,22 @@ def card_of(members: Sequence[NetworkSet]) -> dict[str, Any] | None:
     return card if _whole(card) else None
 
 
+def load_floor(members: Sequence[NetworkSet]) -> Array | None:
+    """Return what is added to the spread of members for their error bars, squared [N, N m], shape (5, 6).
+
+    It is that part of their error on runs kept apart which all of them share (`exumob.learning.error_bars`), for all
+    members of a file with a report card, or of the networks that come with exumob. None: it was never measured.
+    """
+    card, table = card_of(members), measured_errors()
+    if card is not None:
+        return None if card.get("load_floor") is None else np.array(card["load_floor"], dtype=float)
+    digests = {member.digest() for member in members}
+    for name, known in {"networks": table["networks"], **table["named"]}.items():
+        if digests == set(known):
+            return np.array(table["load_floor"][name], dtype=float)
+    return None
+
+
 NUMBERS = ("load_error", "cell_size", "seconds", "runs", "inside")
 PAIRS = ("depth_ratio", "current_speed")
 
@@ -125,6 +145,7 @@ def _whole(card: dict[str, Any]) -> bool:
     return (
         all(number(card.get(name)) for name in NUMBERS)
         and all(isinstance(pair, list) and len(pair) == 2 and all(map(number, pair)) for pair in pairs)
+        and (card.get("load_floor") is None or _is_table(card["load_floor"], number))
         and isinstance(card.get("drives"), list)
         and all(
             isinstance(one, dict) and number(one.get("end")) and number(one.get("duration")) for one in card["drives"]
@@ -132,3 +153,9 @@ def _whole(card: dict[str, Any]) -> bool:
         and isinstance(card.get("parameters"), dict)
         and all(isinstance(card.get(name), str) for name in ("directions", "soil", "vehicle", "worst_load"))
     )
+
+
+def _is_table(value: Any, number: Callable[[Any], bool]) -> bool:
+    """Whether a value is a list of numbers for each body."""
+    rows = value if isinstance(value, list) and len(value) == len(BODIES) else [None]
+    return all(isinstance(r, list) and len(r) == len(WRENCH_COMPONENTS) and all(map(number, r)) for r in rows)

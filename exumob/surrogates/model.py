@@ -1,9 +1,10 @@
 """LSTM-MBD: trained networks as a hydrodynamics model (paper Secs. 3 and 5), with error bars and known limits.
 
-The wrenches on the vehicle are the mean of an ensemble's members; their spread is the error bar. Networks do not
-extrapolate: outside the range of the training runs their wrenches are blended into those of the calibrated coefficients
-(`exumob.water.calibrated`), and the result records where and how far. In macro steps of more than 2 ms the networks'
-part moves half way to each new answer (`RELAXED_STEP`).
+The wrenches on the vehicle are the mean of an ensemble's members. Their spread, with what all members lack on runs kept
+apart (`exumob.surrogates.ensemble.load_floor`), is the error bar. Networks do not extrapolate: outside the range of the
+training runs their wrenches are blended into those of the calibrated coefficients (`exumob.water.calibrated`), and the
+result records where and how far. In macro steps of more than 2 ms the networks' part moves half way to each new answer
+(`RELAXED_STEP`).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
 from exumob.support.kernels import njit
-from exumob.surrogates.ensemble import load_members
+from exumob.surrogates.ensemble import load_floor, load_members
 from exumob.surrogates.inputs import SAMPLING, bed_below, network_inputs, window_rows
 from exumob.surrogates.memory import InputMemory
 from exumob.surrogates.network_kernels import mean_and_spread
@@ -99,6 +100,7 @@ class SurrogateHydrodynamics:
         """The chosen settings, as kept in results."""
         self._groups = [(NetworkSet.stacked(group), len(group)) for group in groups.values()]
         self._water: Water | None = None
+        self._floor = load_floor(self.networks)
         self._bed = Terrain()
         self._last_learnt: Array | None = None
 
@@ -231,6 +233,7 @@ class SurrogateHydrodynamics:
                 ("macro_time", "body", "component"),
                 attrs={"units": "N, N m", "long_name": "standard deviation of the members' loads, body axes"},
             ),
+            **self._error_bars(coords),
             "range_excess": xr.DataArray(
                 excess, coords | {"range_kind": ["single", "joint"]}, ("macro_time", "body", "range_kind"),
                 attrs={"units": "1", "long_name": "distance outside the training range, over its width"},
@@ -248,6 +251,23 @@ class SurrogateHydrodynamics:
             ),
         }  # fmt: skip
         return found
+
+    def _error_bars(self, coords: dict[str, Any]) -> dict[str, xr.DataArray]:
+        """Return the standard deviation of the loads' error, where it was measured."""
+        if self._floor is None:
+            return {}
+        density = 1.0 if self._water is None else self._water.density / TRAINED_DENSITY
+        bars = np.hypot(np.array(self._spread), density * self._floor)
+        bars[np.array(self._fallback) > 0.0] = np.nan
+        found = xr.DataArray(
+            bars, coords | {"component": list(WRENCH_COMPONENTS)}, ("macro_time", "body", "component"),
+            attrs={
+                "units": "N, N m",
+                "long_name": "standard deviation of the loads' error beside the flow, body axes",
+                "comment": "nan where the calibrated coefficients take part: it was not measured there",
+            },
+        )  # fmt: skip
+        return {"load_error": found}
 
 
 def shipped_networks() -> list[Path]:

@@ -44,6 +44,7 @@ from exumob.water.wave_loads import WaveCoefficients
 FORMAT, VERSION = "exumob networks", 2
 READS = (1, 2)
 """Versions of files that can be read: those of 1 rest on published coefficients, if on any."""
+READABLE = " and ".join(map(str, READS))
 WEIGHTS = PACKAGE / "surrogates" / "weights"
 """Folder of the networks that come with exumob."""
 NAMED = ("paper-lstm",)
@@ -208,7 +209,7 @@ class NetworkSet:
             raise ValueError(f"{path} holds arrays, but not exumob's networks; `exumob train` makes them.")
         if header.get("version") not in READS:
             raise ValueError(
-                f"{path} is of version {header.get('version')} and this program reads 1 and 2; train again with "
+                f"{path} is of version {header.get('version')} and this program reads {READABLE}; train again with "
                 "`exumob train`."
             )
         architecture = _architecture(header.get("architecture"), path)

@@ -13,6 +13,7 @@ from exumob.simulation.ensemble import add_members
 from exumob.simulation.run import simulate
 from exumob.simulation.summary import summary
 from exumob.simulation.water_models import hydrodynamics_named
+from exumob.support.measured import measured_errors
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
 from exumob.surrogates.networks import NetworkSet
 from exumob.water.calibrated import CalibratedHydrodynamics
@@ -69,6 +70,21 @@ def test_ensemble_gives_mean_and_spread(vehicle, sand):
         vehicle, sand, HEAD_CURRENT, lane_change(), SurrogateHydrodynamics(members), duration=0.1, **STEPS
     )  # fmt: skip
     assert run["hydrodynamics_load_spread"].values == pytest.approx(3.0 / math.sqrt(2.0))
+
+
+def test_error_bars_are_spread_and_floor_where_they_were_measured(vehicle, sand):
+    """Of all members that come with exumob; nan where the coefficients take part, none with networks of one's own."""
+    water = Water(0.5 * vehicle.wheel.diameter, 0.5, density=800.0)
+    run = simulate(vehicle, sand, water, lane_change(), SurrogateHydrodynamics(), duration=0.1, **STEPS)
+    floor = 0.8 * np.array(measured_errors()["load_floor"]["networks"])
+    bars = np.hypot(run["hydrodynamics_load_spread"], floor)
+    np.testing.assert_allclose(run["hydrodynamics_load_error"], bars)
+    beyond = Water(0.9 * vehicle.wheel.diameter, 1.5)
+    run = simulate(vehicle, sand, beyond, lane_change(), SurrogateHydrodynamics(), duration=0.1, **STEPS)
+    taking_part = run["hydrodynamics_fallback_share"].values > 0.0
+    assert taking_part.any() and np.isnan(run["hydrodynamics_load_error"].values[taking_part]).all()
+    own = simulate(vehicle, sand, water, None, SurrogateHydrodynamics(residual(vehicle)), duration=0.04, **STEPS)
+    assert "hydrodynamics_load_error" not in own
 
 
 def test_members_give_error_bars_on_the_path(vehicle, sand):

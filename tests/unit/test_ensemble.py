@@ -36,6 +36,7 @@ CARD = {
         {"name": "b", "maneuver": "straight", "duration": 4.0, "end": -0.034, "outside": 0.0, "fallback": 0.0},
     ],
 }  # fmt: skip
+FLOOR = [[3.0, 2.0, 9.0, 0.3, 1.0, 0.2]] * 5
 
 
 @pytest.fixture
@@ -76,6 +77,8 @@ def with_card(member, card):
         lambda m: [m[0], m[1], MEMBERS[2]],  # one without a card
         lambda m: [with_card(x, CARD | {"load_error": math.nan}) for x in m],
         lambda m: [with_card(x, CARD | {"drives": "none"}) for x in m],
+        lambda m: [with_card(x, CARD | {"load_floor": FLOOR[:4]}) for x in m],
+        lambda m: [with_card(x, CARD | {"load_floor": [[1.0, 1.0, "1", 1.0, 1.0, 1.0]] * 5}) for x in m],
         lambda m: [with_card(x, {k: v for k, v in CARD.items() if k != "parameters"}) for x in m],
         lambda m: [with_card(x, CARD | {"drives": [{"end": 0.1}]}) for x in m],
         lambda m: [with_card(x, "good") for x in m],
@@ -169,7 +172,18 @@ def test_another_name_is_no_other_vehicle(run):
 def test_one_seed_has_no_error_bars(run, tmp_path):
     one = save_ensemble(MEMBERS[:1], tmp_path / "one.safetensors", CARD | {"members": 1, "inside": 0.0})
     line = trust_of(replace(run, hydrodynamics=SurrogateHydrodynamics(one)), 0.0, 0.0).line
-    assert "without error bars, as one seed has none" in line and "two deviations" not in line
+    assert "without error bars, as one seed has none" in line and "two standard deviations" not in line
+    one = save_ensemble(MEMBERS[:1], tmp_path / "one.safetensors", CARD | {"members": 1, "load_floor": FLOOR})
+    line = trust_of(replace(run, hydrodynamics=SurrogateHydrodynamics(one)), 0.0, 0.0).line
+    assert "62 % of them within two standard deviations of their error bars" in line
+
+
+def test_parts_of_the_error_say_what_was_not_measured(run):
+    parts = dict(trust_of(run, 0.0, 0.0).parts)
+    assert parts["model beside the flow"] == "2.3 %; at worst 3.4 %"
+    assert parts["members of the ensemble"] == "two deviations of the ensemble hold 62 % of the loads kept apart"
+    for name in ("flow made again", "other cells"):
+        assert parts[name].startswith("not measured on amphibious; on the amphibious vehicle ")
 
 
 def test_water_from_behind_is_within_along(run):

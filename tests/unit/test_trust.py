@@ -375,6 +375,23 @@ def test_differences_in_shape_are_named():
 # -- where it is kept --------------------------------------------------------------------------------------------------
 
 
+def test_parts_of_the_error_stand_each_on_a_line():
+    """Networks and coefficients have that of the model, all have those of the flow; what was not compared has none."""
+    flow = measured_errors()["flow"]
+    names = {"networks": RUN, "coefficients": COEFFICIENTS, "flow": LOOP}
+    found = {name: str(trust_of(run).attributes()["trust_errors"]).splitlines() for name, run in names.items()}
+    flows = ["flow made again", "other cells", "flow beside nature"]
+    assert [line.split(":")[0] for line in found["flow"]] == flows
+    assert [line.split(":")[0] for line in found["coefficients"]] == ["model beside the flow", *flows]
+    assert [line.split(":")[0] for line in found["networks"]] == [
+        "model beside the flow", "members of the ensemble", *flows
+    ]  # fmt: skip
+    assert f"{100.0 * flow['ends']['15 mm cells']:.2g} % on 15 mm cells (D60/U1, made on 18 mm)" in found["flow"][1]
+    assert "standard deviation of 5, on 4 runs not seen" in found["networks"][1]
+    assert max(flow["ends"].values()) == flow["end"]
+    assert "trust_errors" not in trust_of(replace(COEFFICIENTS, vehicle=OTHER)).attributes()
+
+
 def test_every_result_carries_it(short_run, sand):
     attrs = short_run.attrs
     assert attrs["trust"].startswith("coefficients, beyond what was measured: duration 0.2 s")

@@ -1,0 +1,79 @@
+"""Of what the error of a run consists: its parts, each measured by itself, a line each.
+
+The error of the final position, over the length of the path: what the model of the water is off beside the flow in the
+loop, how far the members of an ensemble disagree, how far the flow repeats, what other cells change; and what is known
+of the flow's own loads. All are figures of `exumob.support.measured` or of a report card (`exumob learn`). They come
+from different runs and are not added up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from exumob.simulation.measured_runs import shipped_name
+from exumob.support.measured import flow_load_error, measured_errors
+from exumob.support.wording import percent
+from exumob.surrogates.ensemble import card_of
+from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.water.hydrodynamics import Hydrodynamics
+
+Part = tuple[str, str]
+"""What a part of the error is of, and how large it is."""
+
+
+def error_parts(model: Hydrodynamics, mean: float, worst: float, straight: bool = False) -> tuple[Part, ...]:
+    """Return the parts of the error of a run whose vehicle was compared with the flow in the loop.
+
+    Parameters
+    ----------
+    model : Hydrodynamics
+    mean, worst : float
+        What it is off beside the flow in the loop where that was measured [-], straight ahead [m/s].
+    straight : bool
+        Whether the run goes straight ahead, so that speeds were compared.
+    """
+    networks = isinstance(model, SurrogateHydrodynamics)
+    card = card_of(model.networks) if isinstance(model, SurrogateHydrodynamics) else None
+    off = f"{mean:.2g} m/s; at worst {worst:.2g} m/s" if straight else f"{percent(mean)}; at worst {percent(worst)}"
+    parts = [("model beside the flow", off)]
+    if networks:
+        parts.append(("members of the ensemble", _spread(model, card)))
+    return (*parts, *flow_parts(None if card is None else str(card["vehicle"])))
+
+
+def flow_parts(vehicle: str | None = None) -> tuple[Part, ...]:
+    """Return the parts that are the flow's own.
+
+    Parameters
+    ----------
+    vehicle : str, optional
+        Name of a vehicle on which they were not measured.
+    """
+    flow = measured_errors()["flow"]
+    where = "" if vehicle is None else f"not measured on {vehicle}; on the amphibious vehicle "
+    scatter = [off for name, off in flow["ends"].items() if "cells" not in name]
+    cells = {name: off for name, off in flow["ends"].items() if "cells" in name}
+    made = " and ".join(name for name in flow["ends"] if "cells" not in name)
+    sizes = "; ".join(f"{percent(off)} on {name}" for name, off in cells.items())
+    return (
+        ("flow made again", f"{where}{percent(max(scatter))} ({flow['scenario']}, {made})"),
+        ("other cells", f"{where}{sizes} ({flow['scenario']}, made on {1e3 * flow['cell_size']:g} mm)"),
+        ("flow beside nature", flow_load_error().rstrip(".")),
+    )
+
+
+def _spread(model: Hydrodynamics, card: Mapping[str, Any] | None) -> str:
+    """Say how far the members of an ensemble end from each other."""
+    assert isinstance(model, SurrogateHydrodynamics)
+    if len(model.networks) < 2:
+        return "one alone: no spread"
+    if card is not None:
+        of = "deviations of the ensemble" if card.get("load_floor") is None else "standard deviations of the error bars"
+        return f"two {of} hold {100.0 * float(card['inside']):.0f} % of the loads kept apart"
+    rows = [row for row in measured_errors()["runs"] if not row["taught_networks"]]
+    name = shipped_name(model) or "networks"
+    found = float(np.mean([row[name]["spread"] for row in rows]))
+    return f"{percent(found)} (standard deviation of {len(model.networks)}, on {len(rows)} runs not seen)"
