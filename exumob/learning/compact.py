@@ -4,6 +4,8 @@ Two repetitions of a run differ by a fifth of the loads' deviation, and its posi
 to micrometres and microradians, loads and accelerations to nine bits behind the leading one, 0.1 % (bit rounding:
 Kloewer et al., Nature Comput. Sci. 1 (2021) 713). Angles, speeds along the heading, the states of Eq. (7) and smoothed
 loads follow from the rest when a run is loaded (`exumob.learning.dataset.load_run`).
+
+A run that only judges is thinned as well: motion and loads every 4 ms, which `filled` brings back to 1 ms.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 MARK = "compact"
 """Attribute of a compact run."""
@@ -27,6 +30,13 @@ GRAIN = {
 """Steps to which variables are rounded, in their units; all others keep `BITS`."""
 BITS = 9
 """Bits kept behind the leading one."""
+THINNED, EVERY = "thinned", 4
+"""Attribute of a thinned run: one sample is kept of so many."""
+JUDGED = (
+    "position", "quaternion", "velocity", "angular_velocity", "acceleration", "angular_acceleration", "wheel_speed",
+    "steering_angle", "slip_ratio", "water_wrench",
+)  # fmt: skip
+"""Variables of a run that is compared with others, and from which nothing is learnt."""
 
 
 def compact(run: xr.Dataset) -> xr.Dataset:
@@ -43,6 +53,35 @@ def compact(run: xr.Dataset) -> xr.Dataset:
         if v.dtype.kind == "f"
     }  # fmt: skip
     return kept.assign(rounded).assign_attrs({MARK: "rounded; angles, speeds, flow states, smoothed loads left out"})
+
+
+def thinned(run: xr.Dataset) -> xr.Dataset:
+    """Keep of a packed run what others are compared with, every 4 ms, rounded as by `compact`.
+
+    Accelerations and loads are means over five samples, so that what lies between two kept ones is not lost.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        See `exumob.learning.dataset.pack`.
+    """
+    kept = run[[name for name in JUDGED if name in run]]
+    means = {
+        name: kept[name].copy(data=uniform_filter1d(kept[name].values, EVERY + 1, axis=0, mode="nearest"))
+        for name in ("acceleration", "angular_acceleration", "water_wrench")
+    }  # fmt: skip
+    return compact(kept.assign(means).isel(time=slice(None, None, EVERY))).assign_attrs({THINNED: EVERY})
+
+
+def filled(run: xr.Dataset) -> xr.Dataset:
+    """Return a thinned run with a sample every millisecond, by straight lines between those that were kept."""
+    time = run["time"].values
+    every = int(run.attrs[THINNED])
+    wanted = np.linspace(time[0], time[-1], every * (len(time) - 1) + 1)
+    attrs = {name: text for name, text in run.attrs.items() if name != THINNED}
+    found = run.interp(time=wanted, assume_sorted=True).astype({n: v.dtype for n, v in run.data_vars.items()})
+    found["quaternion"] = found["quaternion"] / np.sqrt((found["quaternion"] ** 2).sum("quaternion_component"))
+    return found.assign_attrs(attrs)
 
 
 def _rounded(name: str, values: NDArray[Any]) -> NDArray[Any]:

@@ -17,7 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from exumob.learning.compact import DERIVED, MARK
+from exumob.learning.compact import DERIVED, MARK, THINNED, filled
 from exumob.simulation import verdict
 from exumob.simulation.result_files import load_dataset
 from exumob.simulation.results import VARIABLES as RESULTS
@@ -206,7 +206,7 @@ def load_run(file: str | Path) -> xr.Dataset:
     """
     run = load_dataset(file)
     if MARK in run.attrs:
-        run = complete(run)
+        run = complete(filled(run) if THINNED in run.attrs else run)
     elif "water_wrench" in run and "water_wrench_smooth" not in run:
         try:
             run = pack(run)

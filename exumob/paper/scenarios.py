@@ -2,7 +2,8 @@
 
 D60/U1 stands for water of 60 % of the tyre diameter with a current of 1 m/s from ahead. An amplitude of steering other
 than 30 degrees follows in degrees, D50/U0.5/15deg, and the angle of a current from the side after an @, D50/U0.5@20.
-`TRAINING` are the runs that networks learn from, `UNSEEN` those of the final evaluation.
+`TRAINING` are the runs that networks learn from, `UNSEEN` those of the final evaluation; `DRAWN` were drawn by chance
+when all was frozen.
 """
 
 from __future__ import annotations
@@ -92,3 +93,7 @@ TRAINING = tuple(
 """Nine scenarios whose runs networks learn from (paper Fig. 10)."""
 UNSEEN = tuple(Scenario.named(name) for name in ("D50/U0.5", "D60/U0.5", "D50/U1", "D50/U0.5/15deg"))
 """Four scenarios for the final evaluation: neither training nor any choice about a network uses their runs."""
+DRAWN = tuple(Scenario.named(name) for name in ("D44/U0.64", "D49/U0.37", "D47/U0.79", "D58/U0.18"))
+"""Four scenarios that were drawn, evenly in depth and current, when networks and coefficients were frozen.
+
+``numpy.random.default_rng(2026)`` drew depth (0.4 to 0.6) and current (0 to 1 m/s) in turn, rounded to two digits."""

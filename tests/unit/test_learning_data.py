@@ -9,10 +9,11 @@ from made_up_runs import made_up_run
 from scipy.spatial.transform import Rotation
 
 from exumob import Soil, Water, lane_change, simulate
-from exumob.learning.compact import DERIVED, GRAIN, compact
+from exumob.learning.compact import DERIVED, GRAIN, compact, thinned
 from exumob.learning.dataset import DOUBLE, VARIABLES, load_runs, pack
+from exumob.learning.evaluation import closed_loop
 from exumob.learning.importing import import_histories
-from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
+from exumob.paper.scenarios import DRAWN, TRAINING, UNSEEN, Scenario
 from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.simulation.verdict import FURTHER, NEEDED, VerdictLimits, judge
 from exumob.vehicle.motion import BODIES
@@ -69,6 +70,11 @@ def test_unseen_scenarios_are_not_trained_on():
     assert len(TRAINING) == 9
     assert len(UNSEEN) == 4
     assert not set(TRAINING) & set(UNSEEN)
+    drawn, rng = [], np.random.default_rng(2026)
+    for _ in DRAWN:
+        depth, current = rng.uniform(0.4, 0.6), rng.uniform(0.0, 1.0)
+        drawn.append(Scenario(round(depth, 2), round(current, 2)))
+    assert tuple(drawn) == DRAWN and not set(DRAWN) & {*TRAINING, *UNSEEN}
 
 
 # -- packed runs -------------------------------------------------------------------------------------------------------
@@ -112,6 +118,21 @@ def test_a_compact_run_is_a_third_as_large_and_the_same_but_for_rounding(run, tm
             )
         assert np.all((off <= bound) | np.isnan(off)), name
     xr.testing.assert_identical(compact(found), compact(packed))  # rounding is done once
+
+
+def test_a_thinned_run_judges_as_the_whole_one(run, tmp_path):
+    """A sixth of the size; motion as it was, loads to a thousandth of their deviation of what smoothing leaves."""
+    packed = pack(run.assign_attrs(scenario="mine"))
+    file, whole = save_dataset(thinned(packed), tmp_path / "run.nc"), save_dataset(packed, tmp_path / "whole.nc")
+    assert file.stat().st_size < 0.17 * whole.stat().st_size
+    found = load_runs([file])["mine"]
+    np.testing.assert_allclose(found["time"], packed["time"], atol=1e-9)
+    for name, off in (("position", 2e-6), ("quaternion", 2e-5), ("velocity", 2e-3), ("flow_state", 5e-3)):
+        assert np.abs(found[name].values - packed[name].values).max() < off, name
+    late = slice(100, -100)  # the release is a jump
+    a, b = (data["water_wrench_smooth"].values[late].astype(float) for data in (found, packed))
+    assert np.sqrt(np.mean((a - b) ** 2)) < 0.01 * b.std()
+    assert closed_loop(found, packed)["final"] < 1e-3
 
 
 def test_smoothed_loads_are_not_late(run):
