@@ -275,7 +275,7 @@ def _calibration_text(c: CardContents) -> str:
         "The error bar of a load is the spread of the members and what all of them lack, which was measured on the "
         f"runs kept apart{others}. Two standard deviations hold "
         f"{100.0 * f['inside']:.0f} % of the loads ({factor}); one is {f['width']:.2f} of the loads' deviation wide, "
-        f"to either side.{alone} A run with the networks keeps the bars as hydrodynamics_load_error. They hold the "
+        f"to either side.{alone} A run with the networks keeps the bars as hydrodynamics_load_error_bar. They hold the "
         "error beside the flow on these cells, with the flow's scatter from run to run; not what other cells would "
         "change, and not the error of the flow model."
     )

@@ -267,7 +267,7 @@ class SurrogateHydrodynamics:
                 "comment": "nan where the calibrated coefficients take part: it was not measured there",
             },
         )  # fmt: skip
-        return {"load_error": found}
+        return {"load_error_bar": found}
 
 
 def shipped_networks() -> list[Path]:

@@ -78,13 +78,13 @@ def test_error_bars_are_spread_and_floor_where_they_were_measured(vehicle, sand)
     run = simulate(vehicle, sand, water, lane_change(), SurrogateHydrodynamics(), duration=0.1, **STEPS)
     floor = 0.8 * np.array(measured_errors()["load_floor"]["networks"])
     bars = np.hypot(run["hydrodynamics_load_spread"], floor)
-    np.testing.assert_allclose(run["hydrodynamics_load_error"], bars)
+    np.testing.assert_allclose(run["hydrodynamics_load_error_bar"], bars)
     beyond = Water(0.9 * vehicle.wheel.diameter, 1.5)
     run = simulate(vehicle, sand, beyond, lane_change(), SurrogateHydrodynamics(), duration=0.1, **STEPS)
     taking_part = run["hydrodynamics_fallback_share"].values > 0.0
-    assert taking_part.any() and np.isnan(run["hydrodynamics_load_error"].values[taking_part]).all()
+    assert taking_part.any() and np.isnan(run["hydrodynamics_load_error_bar"].values[taking_part]).all()
     own = simulate(vehicle, sand, water, None, SurrogateHydrodynamics(residual(vehicle)), duration=0.04, **STEPS)
-    assert "hydrodynamics_load_error" not in own
+    assert "hydrodynamics_load_error_bar" not in own
 
 
 def test_members_give_error_bars_on_the_path(vehicle, sand):
