@@ -23,7 +23,7 @@ from exumob.surrogates.networks import TRAINED_DENSITY, NetworkSet
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.hydrodynamics import Hydrodynamics
-from exumob.water.wave_loads import wave_loads_along
+from exumob.water.wave_loads import WaveCoefficients, wave_loads_along
 
 logger = logging.getLogger(__name__)
 
@@ -72,9 +72,29 @@ def predicted_loads(
     loads = network.batch_wrenches(np.moveaxis(windows(inputs, rows, architecture), 2, 1))
     loads = loads * (water.density / TRAINED_DENSITY)
     if network.waves is not None:
-        loads += (base_loads(run, vehicle) if base is None else base)[rows]
-        loads += wave_loads_along(vehicle, water.over(), water.density, states[rows], network.waves)
+        loads += coefficient_loads(network.waves, run, vehicle, rows, base)
     return loads
+
+
+def coefficient_loads(
+    waves: WaveCoefficients, run: xr.Dataset, vehicle: Vehicle, rows: np.ndarray, base: Array | None = None
+) -> Array:
+    """Loads of the published coefficients with those of the vehicle's waves, along a run's own motion.
+
+    Parameters
+    ----------
+    waves : WaveCoefficients
+    run, vehicle, rows, base
+        As for `predicted_loads`.
+
+    Returns
+    -------
+    array, shape (len(rows), 5, 6)
+        Force [N] and moment [N m], body axes.
+    """
+    water, published = water_of(run), base_loads(run, vehicle) if base is None else base
+    added = wave_loads_along(vehicle, water.over(), water.density, body_states(run)[rows], waves)
+    return np.asarray(published[rows] + added)
 
 
 def open_loop(

@@ -12,9 +12,9 @@ import numpy as np
 import xarray as xr
 
 from exumob.ground.soil import Soil
-from exumob.learning.dataset import base_loads, body_states, least_loads, usable, water_of
+from exumob.learning.dataset import base_loads, least_loads, usable, water_of
 from exumob.learning.error_bars import error_bars, fitted_floor, share_within
-from exumob.learning.evaluation import THINNING, closed_loop, predicted_loads
+from exumob.learning.evaluation import THINNING, closed_loop, coefficient_loads, predicted_loads
 from exumob.learning.plan import FreeTask, LearningPlan, maneuver_name
 from exumob.paper.reference_runs import SOIL
 from exumob.simulation.run import simulate
@@ -28,7 +28,7 @@ from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.hydrodynamics import Hydrodynamics
-from exumob.water.wave_loads import fitted_coefficients, wave_loads_along
+from exumob.water.wave_loads import fitted_coefficients
 
 logger = logging.getLogger(__name__)
 
@@ -70,10 +70,7 @@ def compare_loads(members: Sequence[NetworkSet], run: xr.Dataset, vehicle: Vehic
     loads = np.stack([predicted_loads(member, run, vehicle, rows, base) for member in members])
     spread = loads.std(axis=0, ddof=1) if len(members) > 1 else np.zeros(loads.shape[1:])
     flow = run["water_wrench_smooth"].values[rows].astype(float)
-    water = water_of(run)
-    calibrated: Array = base[rows] + wave_loads_along(
-        vehicle, water.over(), water.density, body_states(run)[rows], waves
-    )
+    calibrated = coefficient_loads(waves, run, vehicle, rows, base)
     return Compared(run["time"].values[rows], flow, loads.mean(axis=0), spread, calibrated)
 
 
