@@ -7,7 +7,7 @@ import logging
 from collections.abc import Sequence
 from pathlib import Path
 
-from exumob.simulation.measured_runs import elsewhere_off, measured_vehicle
+from exumob.simulation.trust.measured_runs import elsewhere_off, measured_vehicle
 from exumob.support.declared import checked
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet

@@ -20,11 +20,11 @@ from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.paper.scenarios import TRAINING, UNSEEN
 from exumob.simulation.description import RunDescription, Steps
-from exumob.simulation.measured_runs import fitted_off
 from exumob.simulation.over_water import WaterMet
 from exumob.simulation.result_files import load_dataset
 from exumob.simulation.run import simulate
 from exumob.simulation.trust import trust_of, trust_of_all
+from exumob.simulation.trust.measured_runs import fitted_off
 from exumob.support.measured import measured_errors
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NAMED, NetworkSet

@@ -14,7 +14,9 @@ from exumob.coupling.flow_in_loop import CfdHydrodynamics
 from exumob.coupling.semi_implicit import SemiImplicit
 from exumob.driving.maneuver import ConstantSteer, LaneChange
 from exumob.simulation.description import RunDescription
-from exumob.simulation.measured_runs import (
+from exumob.simulation.over_water import WaterMet
+from exumob.simulation.settings import DEFAULT_SETTING, setting_named, time_scale
+from exumob.simulation.trust.measured_runs import (
     digests_of,
     is_measured_vehicle,
     is_straight,
@@ -22,9 +24,7 @@ from exumob.simulation.measured_runs import (
     rows_of,
     shipped_name,
 )
-from exumob.simulation.over_water import WaterMet
-from exumob.simulation.settings import DEFAULT_SETTING, setting_named, time_scale
-from exumob.simulation.soil_line import is_published_as
+from exumob.simulation.trust.soil_line import is_published_as
 from exumob.support.measured import measured_errors
 from exumob.support.wording import number, rounded_span, span
 from exumob.surrogates.ensemble import card_of

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from exumob.simulation.measured_runs import shipped_name
+from exumob.simulation.trust.measured_runs import shipped_name
 from exumob.support.measured import flow_load_error, measured_errors
 from exumob.support.wording import percent
 from exumob.surrogates.ensemble import card_of

@@ -2,7 +2,7 @@
 
 The figures are those of `exumob.support.measured`: lane changes and straight lines of one vehicle, beside the same
 with the flow in the loop. `trust_of` compares a run with them. Where the run lies beyond what was measured it says by
-what (`exumob.simulation.departures`); where the vehicle is another one it says that nothing was validated.
+what (`exumob.simulation.trust.departures`); where the vehicle is another one it says that nothing was validated.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ import numpy as np
 
 from exumob.coupling.flow_code import BuiltInFlow
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
-from exumob.simulation.departures import (
+from exumob.simulation.description import RunDescription
+from exumob.simulation.over_water import WaterMet
+from exumob.simulation.settings import time_scale
+from exumob.simulation.trust.departures import (
     OUTSIDE_RANGE,
     Departure,
     departures_by_froude,
@@ -24,9 +27,8 @@ from exumob.simulation.departures import (
     dry_departures,
     merged,
 )
-from exumob.simulation.description import RunDescription
-from exumob.simulation.error_budget import Part, error_parts, flow_parts
-from exumob.simulation.measured_runs import (
+from exumob.simulation.trust.error_budget import Part, error_parts, flow_parts
+from exumob.simulation.trust.measured_runs import (
     elsewhere_off,
     fitted_off,
     is_measured_vehicle,
@@ -37,9 +39,7 @@ from exumob.simulation.measured_runs import (
     shipped_name,
     whither,
 )
-from exumob.simulation.over_water import WaterMet
-from exumob.simulation.settings import time_scale
-from exumob.simulation.soil_line import soil_line
+from exumob.simulation.trust.soil_line import soil_line
 from exumob.support.measured import flow_load_error, measured_errors
 from exumob.support.wording import percent
 from exumob.surrogates.ensemble import card_of
@@ -81,7 +81,7 @@ class Trust:
     nearest: str = ""
     """The error in the measured run that is nearest; a part of `error`"""
     parts: tuple[Part, ...] = ()
-    """Of what the error consists (`exumob.simulation.error_budget`); empty where nothing was measured"""
+    """Of what the error consists (`exumob.simulation.trust.error_budget`); empty where nothing was measured"""
 
     @property
     def line(self) -> str:
