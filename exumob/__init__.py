@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from exumob.surrogates.model import SurrogateHydrodynamics
     from exumob.vehicle.parameters import Box, Hull, Steering, Suspension, Vehicle, Wheel, WheelArches, Wishbones
     from exumob.vehicle.point_force import PointForce
+    from exumob.vehicle.scaled import scaled_vehicle
     from exumob.vehicle.start_pose import StartPose
     from exumob.vehicle.vehicle_file import load_vehicle
     from exumob.water.calibrated import CalibratedHydrodynamics
@@ -73,6 +74,7 @@ __all__ = [
     "load_vehicle",
     "read_river",
     "save_dataset",
+    "scaled_vehicle",
     "simulate",
     "summary",
     "unusual",

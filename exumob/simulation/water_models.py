@@ -11,7 +11,7 @@ from exumob.simulation.trust.measured_runs import elsewhere_off, measured_vehicl
 from exumob.support.declared import checked
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
-from exumob.surrogates.vehicle_shape import shape_differences
+from exumob.surrogates.vehicle_shape import shape_differences, times_as_large
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
@@ -99,9 +99,10 @@ def hydrodynamics_named(
                 "were fitted to their runs; give some of the preset 'memory' or of `exumob learn`, or leave them out."
             )
         return CalibratedHydrodynamics(waves=model.waves)
-    differences = shape_differences(vehicle, model.networks[0].about["geometry"])
-    if not differences:
+    trained = model.networks[0].about["geometry"]
+    if times_as_large(vehicle, trained) is not None:
         return model
+    differences = shape_differences(vehicle, trained)
     if vehicle.hull.mesh is not None:
         hull_mesh(vehicle)  # what is wrong with it is said before what the networks lack
     shown = "; ".join(differences[:NAMED_DIFFERENCES])

@@ -61,6 +61,8 @@ INPUTS = {
 }
 """All input features, by name."""
 FEATURES = len(INPUTS)
+SIZE_POWERS = {"1": 0.0, "rad": 0.0, "m": 1.0, "m/s": 0.5, "rad/s": -0.5}
+"""Power of a vehicle's size with which a feature goes, by its unit (Froude's law)."""
 SAMPLING = HISTORY_STEP
 """Interval of the instants from which an input window is taken [s]."""
 PAPER_INPUTS = FLOW_STATES
@@ -132,6 +134,24 @@ def window_rows(time: Array, taps: int, stride: int) -> NDArray[np.intp]:
             row -= 1
         rows[tap] = row
     return rows
+
+
+def size_factors(names: Sequence[str], times_as_large: float) -> Array:
+    """Return what input features of a vehicle in another size are multiplied by, by Froude's law.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names from `INPUTS`.
+    times_as_large : float
+        Size of the vehicle over that of the one in training [-].
+
+    Returns
+    -------
+    array, shape (len(names),)
+        They make the features those of the vehicle in training.
+    """
+    return np.array([times_as_large ** -SIZE_POWERS[INPUTS[name].unit] for name in names])
 
 
 def mirror_signs(names: Sequence[str]) -> Array:

@@ -5,6 +5,10 @@ apart (`exumob.surrogates.ensemble.load_floor`), is the error bar. Networks do n
 training runs their wrenches are blended into those of the calibrated coefficients (`exumob.water.calibrated`), and the
 result records where and how far. In macro steps of more than 2 ms the networks' part moves half way to each new answer
 (`RELAXED_STEP`).
+
+A vehicle of the same form in another size (`exumob.vehicle.scaled`) has the same answers by Froude's law: inputs are
+scaled to the vehicle that the networks know, the time constants of their memory go with the root of the size, forces
+with its cube, and moments with its fourth power.
 """
 
 from __future__ import annotations
@@ -22,10 +26,11 @@ from exumob.support.arrays import Array
 from exumob.support.declared import checked
 from exumob.support.kernels import njit
 from exumob.surrogates.ensemble import load_floor, load_members
-from exumob.surrogates.inputs import SAMPLING, bed_below, network_inputs, window_rows
+from exumob.surrogates.inputs import SAMPLING, bed_below, network_inputs, size_factors, window_rows
 from exumob.surrogates.memory import InputMemory
 from exumob.surrogates.network_kernels import mean_and_spread
 from exumob.surrogates.networks import TRAINED_DENSITY, WEIGHTS, Architecture, NetworkSet
+from exumob.surrogates.vehicle_shape import CLOSE, times_as_large
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.calibrated import CalibratedHydrodynamics
@@ -64,7 +69,7 @@ class SurrogateHydrodynamics:
     ------
     ValueError
         If a file holds no networks, or members rest on different coefficients; at `start`, if they were
-        trained for another vehicle.
+        trained for a vehicle of another form.
     """
 
     @checked
@@ -102,6 +107,7 @@ class SurrogateHydrodynamics:
         self._water: Water | None = None
         self._floor = load_floor(self.networks)
         self._bed = Terrain()
+        self._size = 1.0
         self._last_learnt: Array | None = None
 
     def set_bed(self, terrain: Terrain) -> None:
@@ -112,16 +118,16 @@ class SurrogateHydrodynamics:
         """Check that the networks fit the vehicle, and forget any earlier run."""
         self._water = water
         self._times: list[float] = []
+        self._memories: list[InputMemory] = []
         self._spread: list[Array] = []
         self._excess: list[Array] = []
         self._fallback: list[Array] = []
         self._relaxed, self._last_learnt = macro_step > RELAXED_STEP, None
-        self._memories = [InputMemory(group.architecture.filters) for group, _ in self._groups]
         if water is None:
             return
+        self._set_size(vehicle)
         self._around = water.over(self._bed)
         for network in self.networks:
-            network.check_vehicle(vehicle)
             steps = macro_step / SAMPLING
             if network.architecture.taps > 1 and abs(steps - round(steps)) > 1e-6:
                 raise ValueError(
@@ -133,6 +139,31 @@ class SurrogateHydrodynamics:
         if self._coefficients is not None:
             self._coefficients.set_bed(self._bed)
             self._coefficients.start(vehicle, water, macro_step)
+
+    def _set_size(self, vehicle: Vehicle) -> None:
+        """Find how many times as large as in training the vehicle is, and what follows from it."""
+        for network in self.networks:
+            network.check_vehicle(vehicle)
+        sizes = [times_as_large(vehicle, network.about["geometry"]) or 1.0 for network in self.networks]
+        size = sizes[0]
+        if any(not math.isclose(other, size, rel_tol=CLOSE) for other in sizes):
+            raise ValueError(
+                f"networks ({', '.join(n.name for n in self.networks)}) were trained for vehicles of several sizes: "
+                f"{vehicle.name} is {', '.join(f'{s:.4g}' for s in sizes)} times as large; use those of one vehicle."
+            )
+        if size != 1.0 and (past := [n.name for n in self.networks if n.architecture.taps > 1]):
+            raise ValueError(
+                f"networks ({past[0]}) sample the past at intervals of the vehicle in training, and {vehicle.name} is "
+                f"{size:.4g} times as large; take networks that remember by filters or not at all, such as those that "
+                "come with exumob."
+            )
+        self._size = size
+        self._factors = [size_factors(group.architecture.inputs, size) for group, _ in self._groups]
+        self._load_factors = size ** np.array([3.0, 3.0, 3.0, 4.0, 4.0, 4.0])
+        """Of forces and moments"""
+        self._memories = [
+            InputMemory([math.sqrt(size) * tau for tau in group.architecture.filters]) for group, _ in self._groups
+        ]
 
     def wrenches(self, history: BodyStates, predict: Callable[[], BodyStates]) -> Array:
         """Return the wrenches for the macro step that begins now; `predict` is not called. See `Hydrodynamics`."""
@@ -171,17 +202,19 @@ class SurrogateHydrodynamics:
             Excess over the training range (`NetworkSet.excess`), mean of the members [-].
         """
         still = len(history) == 1  # no past: it settles, or is about to be released
-        at_rest = still or math.hypot(*history.velocity[-1, 0, :2]) < MOVING_SPEED
+        at_rest = still or math.hypot(*history.velocity[-1, 0, :2]) < MOVING_SPEED * math.sqrt(self._size)
         members, excess = np.empty((len(self.networks), 5, 6)), np.empty((len(self.networks), 5, 2))
         first = 0
-        for (networks, count), memory in zip(self._groups, self._memories, strict=True):
+        for (networks, count), memory, factors in zip(self._groups, self._memories, self._factors, strict=True):
             group, architecture = slice(first, first + count), networks.architecture
             rows = window_rows(history.time, architecture.taps, architecture.stride)
             window = network_inputs(history, self._around, architecture.inputs, rows, still=still).transpose(1, 0, 2)
+            window *= factors
             if architecture.filters:
                 past = memory.filtered(float(history.time[-1]), window[:, -1], still).transpose(1, 0, 2)
                 window = np.concatenate([past, window], axis=1)
             loads = networks.wrenches(window).reshape(count, 5, 6) * (water.density / TRAINED_DENSITY)
+            loads *= self._load_factors
             if architecture.base == "coefficients":
                 assert base is not None
                 loads += base
@@ -189,6 +222,7 @@ class SurrogateHydrodynamics:
             present = window[:, -1]
             if at_rest and not still:
                 present = network_inputs(history, self._around, architecture.inputs, rows[-1:], still=True)[0]
+                present *= factors
             excess[group] = networks.excess(present).reshape(count, 5, 2)
             first += count
         return members, mean_and_spread(excess)[0]
@@ -254,10 +288,10 @@ class SurrogateHydrodynamics:
 
     def _error_bars(self, coords: dict[str, Any]) -> dict[str, xr.DataArray]:
         """Return the standard deviation of the loads' error, where it was measured."""
-        if self._floor is None:
+        if self._floor is None or self._water is None:
             return {}
-        density = 1.0 if self._water is None else self._water.density / TRAINED_DENSITY
-        bars = np.hypot(np.array(self._spread), density * self._floor)
+        floor = self._water.density / TRAINED_DENSITY * self._load_factors * self._floor
+        bars = np.hypot(np.array(self._spread), floor)
         bars[np.array(self._fallback) > 0.0] = np.nan
         found = xr.DataArray(
             bars, coords | {"component": list(WRENCH_COMPONENTS)}, ("macro_time", "body", "component"),

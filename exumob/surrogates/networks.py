@@ -36,7 +36,7 @@ from exumob.surrogates.network_kernels import (
     measure_excess,
     monomials,
 )
-from exumob.surrogates.vehicle_shape import GEOMETRY, geometry
+from exumob.surrogates.vehicle_shape import CLOSE, GEOMETRY, geometry, times_as_large
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.wave_loads import WaveCoefficients
@@ -155,12 +155,17 @@ class NetworkSet:
         return sum(self.arrays[name].nbytes for name in self.architecture.shapes())
 
     def check_vehicle(self, vehicle: Vehicle) -> None:
-        """Raise ValueError if the vehicle differs in shape (`GEOMETRY`) from the one of the training runs."""
+        """Raise ValueError if the vehicle differs in shape (`GEOMETRY`) from the one of the training runs.
+
+        One of the same form in another size is taken (`exumob.surrogates.vehicle_shape.times_as_large`).
+        """
+        if times_as_large(vehicle, self.about["geometry"]) is not None:
+            return
         own = geometry(vehicle)
         for name, trained in self.about["geometry"].items():
             found = own[name]
             numbers = isinstance(trained, int | float) and isinstance(found, int | float)
-            same = math.isclose(found, trained, rel_tol=1e-3) if numbers else found == trained
+            same = math.isclose(found, trained, rel_tol=CLOSE) if numbers else found == trained
             if not same:
                 raise ValueError(
                     f"networks ({self.name}): {vehicle.name} has {name} = {found}, they were trained with {trained}. "

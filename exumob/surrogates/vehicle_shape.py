@@ -40,6 +40,29 @@ def geometry(vehicle: Vehicle) -> dict[str, Any]:
     return found
 
 
+def times_as_large(vehicle: Vehicle, trained: Mapping[str, Any]) -> float | None:
+    """Return the size of a vehicle over that of the training runs, if it has the same form; else None.
+
+    A mesh, and a hull of several boxes, of which files of networks keep a digest, are known in one size only.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    trained : mapping
+        `geometry` of the vehicle of the training runs.
+    """
+    present = geometry(vehicle)
+    if same_value(present["wheelbase"], trained["wheelbase"]):
+        factor = 1.0
+    else:
+        factor = present["wheelbase"] / trained["wheelbase"]
+    for name, value in trained.items():
+        number_there = isinstance(value, int | float)
+        if not same_value(present[name], factor * value if number_there else value):
+            return None
+    return factor if factor == 1.0 or trained["hull.mesh"] is None else None
+
+
 def further_shape(vehicle: Vehicle) -> str | None:
     """Return a text for what a hull of boxes has beyond the first one with its bow (`GEOMETRY`); None if nothing."""
     hull = vehicle.hull

@@ -44,6 +44,7 @@ from exumob.support.measured import flow_load_error, measured_errors
 from exumob.support.wording import percent
 from exumob.surrogates.ensemble import card_of
 from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.vehicle_shape import times_as_large
 from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
@@ -165,7 +166,8 @@ def _together(cases: Sequence[_Case]) -> Trust:
         advice = "a model of your own, which exumob has compared with nothing."
         return Trust(type(model).__name__, "not validated", "", soil, advice=advice)
     if trust.status == "not validated":
-        if not isinstance(model, CoefficientHydrodynamics):
+        scaled = isinstance(model, SurrogateHydrodynamics) and shipped_name(model) is not None
+        if not isinstance(model, CoefficientHydrodynamics) and not scaled:
             return trust
         beyond = (d for run, _, _, met in cases for d in departures_by_froude(run, met))
         return replace(trust, departures=tuple(merged(beyond)))
@@ -260,8 +262,13 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     if same:
         parts = error_parts(model, mean, worst, straight)
         return Trust(label, "measured", error, soil, (), mean, worst, nearest=near, parts=parts)
-    if networks:
-        advice = f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop. Elsewhere"
+    if isinstance(model, SurrogateHydrodynamics):
+        size = times_as_large(run.vehicle, model.networks[0].about["geometry"])
+        advice = (
+            f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop. It has the form of the "
+            f"one that the networks know, {size:.3g} times as large: loads, speeds and times are scaled by Froude's "
+            "law, which water follows and soil does not. For the other one"
+        )
     else:
         advice = (
             f"this vehicle ({run.vehicle.name}) is not the one that was compared with the flow in the loop; "
