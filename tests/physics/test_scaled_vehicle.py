@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_up_networks import SMALL, made_up
 
 from exumob.driving.maneuver import LaneChange
 from exumob.flow import FlowSettings
@@ -106,6 +107,9 @@ def test_what_has_another_form_or_cannot_be_scaled_is_refused():
         hydrodynamics_named("networks", wide, DEEP)
     with pytest.raises(ValueError, match=r"networks \(paper-lstm.*\) sample the past at .* is 4 times as large"):
         SurrogateHydrodynamics("paper-lstm").start(LARGE, DEEP, 20e-3)
+    mixed = SurrogateHydrodynamics([made_up(SMALL, CAR), made_up(SMALL, LARGE)])
+    with pytest.raises(ValueError, match=r"for vehicles of several sizes: amphibious is 1, 0\.25 times as large"):
+        mixed.start(CAR, WATER, 20e-3)
     with pytest.raises(ValueError, match=r"Hull\.mass = 0\.006.* kg is outside the plausible range"):
         scaled_vehicle(CAR, 0.05)
     meshed = replace(CAR, hull=replace(CAR.hull, mesh="hull.stl"))

@@ -6,6 +6,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
@@ -100,6 +101,18 @@ def test_shipped_networks_predict_an_unseen_run():
     result = load_study("predict_unseen").main(quick=True).squeeze()
     assert str(result["scenario"].item()) == "D50/U0.5"
     assert float(result["final"]) < 1.0 and float(result["yaw"]) < 0.8
+
+
+def test_networks_predict_a_run_that_was_drawn_and_their_bars_hold():
+    """The first of four that were drawn when all was frozen."""
+    study = load_study("blind_runs")
+    found = study.main(quick=True)
+    final = {model: float(found["final"].sel(model=model)[0]) for model in study.MODELS}
+    assert final["networks"] < 3.0 < final["published coefficients"]
+    assert float(found["load_error"].mean()) < 0.6
+    assert 0.85 < float(found["within"].sel(deviations=2.0)) <= 1.0
+    assert float(found["within_spread"].sel(deviations=2.0)) < float(found["within"].sel(deviations=2.0))
+    assert "| networks |" in study.lines(found)
 
 
 def test_shipped_networks_reproduce_a_training_run():
@@ -210,6 +223,17 @@ def test_tuned_driver_holds_the_line_better_than_an_open_loop(tmp_path):
     assert float(off.sel(driver="tuned")) < 0.9 * float(off.sel(driver="as shipped"))  # of 10.8 mm
     assert float(result["end_mm"].sel(driver="tuned")) < 10.0  # 8.6 mm; open loop 78 mm
     assert float(result["end_yaw_deg"].sel(driver="tuned")) == pytest.approx(16.2, abs=1.0)  # amidst the line
+
+
+def test_excitation_study_compares_sets_of_runs(tmp_path):
+    """Two sets of two short runs on coarse cells, and three that judge."""
+    study = load_study("excitation")
+    found = study.main(quick=True, folder=tmp_path)
+    assert list(found["set"].values) == ["lane changes", "multisines and steps"] and found.sizes["seconds"] == 1
+    assert (found["load_error"] > 0.0).all() and (found["final_mean"] < 100.0).all()
+    assert len(list((tmp_path / "runs").glob("*.nc"))) == 7
+    plt.close(study.plot(found))
+    assert study.lines(found).count("| 0.8 s |") == 2
 
 
 def test_active_learning_study_follows_its_orders(tmp_path):
