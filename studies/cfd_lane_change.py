@@ -1,8 +1,9 @@
 """What does water do to a lane change, with the flow in the loop? (paper, Sec. 4, Figs. 5 to 9)
 
 No water is compared with D60/U0, D60/U1, D40/U0 and D40/U1, and each of the paper's observations with these runs. The
-uncertainty of D60/U1 is seen on finer cells, in a window twice as wide, mirrored, with a macro step of 1 ms, and beside
-the coefficient model. Runs of the data set are read; the others are computed as in `generate_training_data.py`.
+uncertainty of D60/U1 is seen on coarser and finer cells, in a window twice as wide, mirrored, with a macro step of 1 ms,
+and beside the coefficient model. Runs of the data set are read; the others are computed as in
+`generate_training_data.py`.
 
 Run: python studies/cfd_lane_change.py --present               (a minute, with the runs that there are)
      python studies/cfd_lane_change.py [--jobs 2]              (half an hour and more for each run that is missing)
@@ -21,7 +22,7 @@ from common import CFD_RUNS, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob import Soil, lane_change, simulate
-from exumob.learning.compact import compact
+from exumob.learning.compact import compact, thinned
 from exumob.learning.dataset import load_run, pack
 from exumob.paper.reference_runs import SOIL, FlowRun, compute_all, set_up_log, work_folder
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
@@ -29,17 +30,21 @@ from exumob.simulation.plotting import plot_lateral_velocity, plot_path, plot_ya
 from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.support.figures import STYLE
 from exumob.support.smoothing import smoothed
+from exumob.verification.uncertainty import grid_convergence
 from vehicle_models.amphibious import amphibious_vehicle
 
 WORST = FlowRun(Scenario.named("D60/U1"))
 RUNS = {name: FlowRun(Scenario.named(name)) for name in ("D60/U0", "D60/U1", "D40/U0", "D40/U1")}
 VARIANTS = {
+    "22 mm cells": dataclasses.replace(WORST, cell_size=0.022),
     "15 mm cells": dataclasses.replace(WORST, cell_size=0.015),
     "window doubled": dataclasses.replace(WORST, doubled=True),
     "mirrored": dataclasses.replace(WORST, scenario=Scenario.named("D60/U1/-30deg")),
     "macro step 1 ms": dataclasses.replace(WORST, macro_step=1e-3),
 }
 """Variants of D60/U1: their differences show the uncertainty of the run."""
+GRIDS = ("15 mm cells", "D60/U1", "22 mm cells")
+"""D60/U1 on three grids."""
 COLORS = {"no water": "0.4", "D60/U0": "C0", "D60/U1": "C3", "D40/U0": "C2", "D40/U1": "C1"}
 LOAD_WINDOW = 0.1
 """Length of the moving average of the loads in figures and claims [s]."""
@@ -80,7 +85,8 @@ def flow_runs(runs: Mapping[str, FlowRun], jobs: int, present_only: bool) -> dic
             found[name] = load_dataset(whole)
             if not packed.exists():
                 packed.parent.mkdir(parents=True, exist_ok=True)
-                save_dataset(compact(pack(found[name])), packed)
+                kept = compact if packed.parent == CFD_RUNS else thinned
+                save_dataset(kept(pack(found[name])), packed)
         elif packed.exists():
             found[name] = load_run(packed)
     missing = {run: name for name, run in runs.items() if name not in found}
@@ -244,6 +250,24 @@ def claims(found: xr.Dataset) -> list[tuple[str, str, bool]]:
     return answers
 
 
+def grids(found: xr.Dataset) -> list[str]:
+    """Lines of a table: measures of D60/U1 on three grids, observed order and uncertainty of that of the data set."""
+    if not set(GRIDS) <= set(found["run"].values):
+        return []
+    sizes = [{"D60/U1": WORST, **VARIANTS}[name].cell_size for name in GRIDS]
+    lines = ["| D60/U1 | " + " | ".join(f"{1e3 * h:g} mm" for h in sizes) + " | order | index of the finest |"]
+    lines.append("|---" * 6 + "|")
+    for name, unit in (("forward", "m"), ("lateral", "m"), ("Fx", "N"), ("Fz", "N")):
+        values = [float(found[name].sel(run=run)) for run in GRIDS]
+        how = grid_convergence(sizes, values)
+        cells = " | ".join(f"{value:.4g}" for value in values)
+        share = 100.0 * how.gci / abs(values[0])
+        lines.append(
+            f"| {name} [{unit}] | {cells} | {how.order:.2g} ({how.kind}) | {how.gci:.2g} {unit} ({share:.0f} %) |"
+        )
+    return lines
+
+
 def main(quick: bool = False, jobs: int = 2, present_only: bool = False) -> xr.Dataset:
     """Make or load the runs, draw the figures; return the table (see `measures`)."""
     if quick:
@@ -286,5 +310,6 @@ if __name__ == "__main__":
     set_up_log()
     answer = main(**vars(parser.parse_args()))
     print(answer.to_pandas().round(3).T.to_string())
+    print("\n".join(grids(answer)))
     for text, numbers, holds in claims(answer):
         print(f"| {text} | {numbers} | {'yes' if holds else '**no**'} |")
