@@ -162,7 +162,8 @@ def validated(text: str) -> dict[str, Any]:
         },
         "soil_forces": {
             "source": "docs/validation.md, Tyre and soil: CMU single wheel (python studies/single_wheel.py)",
-            "side_slip_deg": float(wheel[1]), "error_low": min(bounds), "error_high": max(bounds),
+            "wheel": "dry sand, 58 mm radius", "side_slip_deg": float(wheel[1]), "error_low": min(bounds),
+            "error_high": max(bounds),
         },
     }  # fmt: skip
 

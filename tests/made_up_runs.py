@@ -1,10 +1,9 @@
 """Runs that were never computed: a vehicle moves as a test says, for the verdict on it."""
 
-from dataclasses import replace
-
 import numpy as np
 import xarray as xr
 
+import exumob.vehicle.scaled
 from exumob.support.constants import GRAVITY
 from exumob.support.provenance import parameters_json
 from exumob.vehicle.motion import BODIES, WHEELS
@@ -14,20 +13,8 @@ from vehicle_models.amphibious import amphibious_vehicle
 
 
 def scaled_vehicle(factor: float) -> Vehicle:
-    """The amphibious vehicle, Froude-similar: lengths by the factor, masses by its cube."""
-    car = amphibious_vehicle()
-
-    def lengths(part, *names):
-        return {name: factor * getattr(part, name) for name in names}
-
-    hull = replace(
-        car.hull, mass=factor**3 * car.hull.mass,
-        **lengths(car.hull, "length", "width", "height", "ground_clearance", "center_of_mass_height"),
-        **lengths(car.hull, "bow_length", "bow_height"),
-    )  # fmt: skip
-    wheel = replace(car.wheel, mass=factor**3 * car.wheel.mass, **lengths(car.wheel, "diameter", "width"))
-    suspension = replace(car.suspension, upright_mass=factor**3 * car.suspension.upright_mass)
-    return replace(car, hull=hull, wheel=wheel, suspension=suspension, **lengths(car, "wheelbase", "track"))
+    """The amphibious vehicle in another size."""
+    return exumob.vehicle.scaled.scaled_vehicle(amphibious_vehicle(), factor, "amphibious")
 
 
 def made_up_run(

@@ -336,7 +336,7 @@ def _water(
         return None
     if section is not None:
         found = CrossSection.read(section)
-        level = given.level
+        level = None if given.level is None else number(given.level)
         if level is None:
             level = found.level_at_depth(DEPTH.check("--depth", number(given.depth)))
         return found.water(level, given.discharge)

@@ -91,6 +91,9 @@ SoilValue = Annotated[
     ),
 ]
 CouplingScheme = Annotated[Scheme, option(EXPERT, "Scheme by which vehicle and flow agree within a macro step (cfd).")]
+SYMBOLS = {"phi": "friction_angle", "c": "cohesion", "K": "shear_modulus_x", "K_x": "shear_modulus_x",
+           "K_y": "shear_modulus_y", "kc": "k_c", "kphi": "k_phi"}  # fmt: skip
+"""Fields of a soil by their symbols."""
 CELLS = 0.0575
 """Width of the flow solver's cells over the tyre's diameter: 11.5 mm for the paper's vehicle."""
 SNAPSHOTS = 0.05
@@ -317,7 +320,7 @@ def soil_with(name: str, values: list[str]) -> Soil:
     for text in values:
         key, _, number = text.partition("=")
         if key not in names:
-            near = nearest_names(key, list(names))
+            near = [SYMBOLS[key]] if key in SYMBOLS else nearest_names(key, list(names))
             raise ValueError(
                 f"--soil-value {text!r:.60} is not known; use {near[0] if near else ', '.join(names)}=VALUE."
             )

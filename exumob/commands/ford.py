@@ -172,6 +172,7 @@ def _ford(  # what the options give
     if unusual:
         speed = None if speed is None else Unusual(speed)
         depth = None if depth is None else Unusual(depth)
+        level = None if level is None else Unusual(level)
         initial_speed, density = Unusual(initial_speed), Unusual(density)
     section = CrossSection.read(file)
     if level is None:

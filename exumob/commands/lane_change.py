@@ -73,7 +73,14 @@ def lane_change_command(  # one argument an option of the command line
     steering: Annotated[
         float, option(EXPERT, "Steering amplitude; a negative one mirrors the maneuver.", of=STEERING_ANGLE)
     ] = 30.0,
-    wheel_speed: Annotated[float, option(EXPERT, "Final wheel speed.", of=WHEEL_SPEED)] = 10.0,
+    wheel_speed: Annotated[
+        float,
+        option(
+            EXPERT,
+            "Final wheel speed, of any vehicle (`exumob drive` has one that goes with its size).",
+            of=WHEEL_SPEED,
+        ),
+    ] = 10.0,
     initial_speed: Annotated[
         float, option(EXPERT, "Speed of the vehicle at time 0, ahead, its wheels rolling.", of=INITIAL_SPEED)
     ] = 0.0,

@@ -123,8 +123,13 @@ class SettingName(StrEnum):
 
 
 VehicleFile = Annotated[
-    Path | None, option(RUN, "Vehicle file (Python). Default: the paper's 57 kg amphibious vehicle.")
-]  # fmt: skip
+    Path | None,
+    option(
+        RUN,
+        "Vehicle file (Python), or the name of one that comes with exumob, such as small_car. Default: the paper's "
+        "57 kg amphibious vehicle.",
+    ),
+]
 SoilName = Annotated[str, option(RUN, "A published soil by its name; `exumob soils` lists them.")]
 Duration = Annotated[float, option(EXPERT, "Simulated time.", of=DURATION)]
 Current = Annotated[float, option(RUN, "Speed of the current.", of=CURRENT_SPEED)]

@@ -203,19 +203,29 @@ class Ford(Declared):
             flow += f" ({abs(self.discharge):.4g} m^3/s to the {'left' if self.discharge > 0.0 else 'right'})"
         begun = f"rolling at {self.initial_speed:.3g} m/s" if self.initial_speed else "standing"
         fall, rise = self.banks
+        low, high = self._driven
+        first, last = (float(np.asarray(self.section.station, float)[n]) for n in (0, -1))
+        beyond = [f"before station {first:.4g} m"] if low < first else []
+        beyond += [f"after station {last:.4g} m"] if high > last else []
+        level = f"; taken as level {' and '.join(beyond)}, where the section has no points" if beyond else ""
         return {
             "water": f"{self.section.width(self.level):.4g} m wide{parted}, from station {near:.4g} to {far:.4g} m; at "
             f"most {depth:.3g} m deep ({tyre:.2f} diameters of the tyre); {flow}",
-            "banks": f"down at most {100.0 * fall:.1f} %, up at most {100.0 * rise:.1f} %",
+            "banks": f"down at most {100.0 * fall:.1f} %, up at most {100.0 * rise:.1f} %{level}",
             "drive": f"{self.vehicle.name} on {self.soil.name or 'soil'}, {begun} at station {self.start.x:.4g} m; its "
             f"tyres at {self.tread_speed:.3g} m/s; {self.way:.4g} m to go, {self.time:.4g} s to do it in",
         }
 
     @property
+    def _driven(self) -> tuple[float, float]:
+        """First and last station over which the vehicle comes [m]."""
+        return self.start.x - self.overhangs[1], self.start.x + self.way + self.overhangs[0]
+
+    @property
     def banks(self) -> tuple[float, float]:
         """Steepest fall and steepest rise of the ground that the wheels drive over [-], both positive or 0."""
         station, bed = np.asarray(self.section.station, float), np.asarray(self.section.bed, float)
-        low, high = self.start.x - self.overhangs[1], self.start.x + self.way + self.overhangs[0]
+        low, high = self._driven
         driven = (station[1:] > low) & (station[:-1] < high)
         slope = (np.diff(bed) / np.diff(station))[driven]
         return float(max(-slope.min(initial=0.0), 0.0)), float(max(slope.max(initial=0.0), 0.0))
@@ -333,7 +343,7 @@ class FordReport:
             f"(afloat below {100.0 * self.limits.wheel_load:.0f} %)",
             "slip": "the wheels never came to speed in contact with the soil"
             if math.isnan(self.slip.value)
-            else f"{100.0 * self.slip.value:.0f} % at most, {self.slip.where()}"
+            else f"{100.0 * self.slip.value:.0f} % at most (mean of the wheels in contact), {self.slip.where()}"
             if self.slip.value > 0.005
             else f"none: the vehicle is at least {-100.0 * self.slip.value:.0f} % faster than the tread of its tyres"
             if self.slip.value < -0.005

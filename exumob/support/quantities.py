@@ -215,14 +215,15 @@ class Quantity:
         return number
 
     def likely_unit(self, number: float) -> str:
-        """Ask for the unit in which a number that is out of range would be within it; empty if there is none."""
+        """Ask for the unit, or two, in which a number out of range would be within it; empty if there is none."""
         low, high = self.plausible or (max(self.above, self.at_least), min(self.below, self.at_most))
+        found = []
         for unit, size in OTHER_UNITS.get(self.unit, ()):
             converted = number * size
             if low <= converted <= high and self.within_bounds(converted):
                 right = f"math.radians({number:g})" if unit == "degrees" else self.text(converted)
-                return f"is it in {unit}? Then give {right}."
-        return ""
+                found.append(f"{unit}? Then give {right}")
+        return f"is it in {'; or in '.join(found[:2])}." if found else ""
 
     def _remedy(self, number: float) -> str:
         """What to do about a number beyond the bounds."""

@@ -122,6 +122,13 @@ class Experiment(Declared):
             *(f"hydrodynamics.{f.name}" for f in fields(Coefficients)), *STEPS,
         ]  # fmt: skip
 
+    def with_vehicle(self, vehicle: Vehicle) -> Experiment:
+        """The experiment with another vehicle, in water of the same depth over the diameter of its tyres."""
+        water = self.water
+        if water is not None and water.depth is not None:
+            water = replace(water, depth=water.depth / self.vehicle.wheel.diameter * vehicle.wheel.diameter)
+        return replace(self, vehicle=vehicle, water=water)
+
     def with_values(self, values: Mapping[str, Any]) -> Experiment:
         """The experiment with other values; those that belong together change at once.
 

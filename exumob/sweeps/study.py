@@ -30,7 +30,6 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from numbers import Real
 from pathlib import Path
 from typing import Any, cast, get_args
@@ -104,7 +103,7 @@ def from_options(
     base = amphibious_lane_change()
     if vehicle is not None:
         try:
-            base = replace(base, vehicle=load_vehicle(vehicle))
+            base = base.with_vehicle(load_vehicle(vehicle))
         except OSError as error:
             raise ValueError(str(error)) from None
     values: dict[str, Any] = {}
@@ -220,7 +219,7 @@ def _study(text: Mapping[str, Any], folder: Path) -> tuple[Experiment, list[Case
         vehicle = base.pop("vehicle")
         if not isinstance(vehicle, str):
             raise ValueError(f'base.vehicle = {shown(vehicle)} must be the name of a file, such as "my_vehicle.py".')
-        experiment = replace(experiment, vehicle=load_vehicle(folder / vehicle))
+        experiment = experiment.with_vehicle(load_vehicle(folder / vehicle))
     lists: dict[str, Sequence[Any]] = {}
     for name, value in _flat("vary", _table("vary", text.get("vary", {})), names).items():
         if isinstance(value, dict):

@@ -36,6 +36,10 @@ __all__ = [
     "least_wheel_gap",
 ]  # fmt: skip
 
+LEAST_DAMPING = 0.005
+"""Least plausible damping of a hull on its springs, over the critical one [-]; cars have 0.2 to 0.4. 0 is none."""
+WIDEST_TRACK = 1.3
+"""Largest plausible track over the wheelbase [-]."""
 SLOWEST_HEAVE = 0.2
 """Slowest plausible heave of a hull on its springs [Hz]; cars have 1 to 2, small models 3 to 10."""
 Motion = tuple[float, float, float]
@@ -89,6 +93,19 @@ class Vehicle(Declared):
                     f"{frequency:.2g} Hz; is it in N/mm? Then give {1e3 * suspension.stiffness:g} N/m. If it is meant: "
                     f"stiffness=unusual({suspension.stiffness:g})."
                 )
+            critical = 2.0 * math.sqrt(suspension.stiffness * 0.25 * self.hull.mass)
+            damping = suspension.damping
+            if 0.0 < damping < LEAST_DAMPING * critical and not isinstance(damping, Unusual):
+                raise ImplausibleValue(
+                    f"Suspension.damping = {damping:g} N s/m is {100.0 * damping / critical:.2g} % of the critical one "
+                    f"({critical:.3g} N s/m); is it in N s/mm? Then give {1e3 * damping:g} N s/m; 0 is none. If it is "
+                    f"meant: damping=unusual({damping:g})."
+                )
+        if self.track > WIDEST_TRACK * self.wheelbase and not isinstance(self.track, Unusual):
+            raise ImplausibleValue(
+                f"Vehicle.track = {self.track:g} m is larger than the wheelbase, {self.wheelbase:g} m; are they "
+                f"swapped? If it is meant: track=unusual({self.track:g})."
+            )
         front = self.front_load_share
         if not 0.05 <= front <= 0.95:
             raise ValueError(

@@ -39,8 +39,9 @@ def load_vehicle(file: str | Path) -> Vehicle:
     Parameters
     ----------
     file : Path
-        Its name ends in ``.py``. Functions whose names begin with an underscore, functions imported from elsewhere, and
-        classes may stand beside the one that makes the vehicle.
+        Its name ends in ``.py``; or the name of a vehicle that comes with exumob, such as ``small_car``. Functions
+        whose names begin with an underscore, functions imported from elsewhere, and classes may stand beside the one
+        that makes the vehicle.
 
     Raises
     ------
@@ -54,7 +55,7 @@ def load_vehicle(file: str | Path) -> Vehicle:
     if path.is_dir():
         raise ValueError(f"vehicle file {path} is a folder; give a file in it: {WHAT_IT_IS}.")
     if not path.is_file():
-        raise FileNotFoundError(f"vehicle file {path} does not exist; vehicle_models/ holds examples.")
+        path = _one_that_comes_with_it(path)
     if path.suffix != ".py":
         raise ValueError(f"vehicle file {path} is not a Python file; its name must end in .py ({WHAT_IT_IS}).")
     with _modules_beside(path), _errors_named(path):
@@ -65,6 +66,19 @@ def load_vehicle(file: str | Path) -> Vehicle:
         what = "the class Vehicle itself" if vehicle is Vehicle else type(vehicle).__name__
         raise ValueError(f"{path}: {maker.__name__}() returned {what}; it must return a Vehicle.")
     return vehicle
+
+
+def _one_that_comes_with_it(path: Path) -> Path:
+    """Return the file of a vehicle that comes with exumob, by its name."""
+    found = importlib.util.find_spec("vehicle_models")
+    folders = list(found.submodule_search_locations or []) if found is not None else []
+    known = {file.stem: file for folder in folders for file in sorted(Path(folder).glob("[!_]*.py"))}
+    if str(path) in known:
+        return known[str(path)]
+    raise FileNotFoundError(
+        f"vehicle file {path} does not exist; give the path of a file, or the name of a vehicle that comes with exumob"
+        f"{': ' + ', '.join(known) if known else ''}."
+    )
 
 
 def _run(path: Path) -> ModuleType:

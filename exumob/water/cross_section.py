@@ -15,7 +15,7 @@ from exumob.ground.terrain import HEIGHT_RANGE, Terrain, terrain_height
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared, checked, nearest_names
 from exumob.support.files import why_no_file
-from exumob.support.quantities import DIRECTION, Quantity
+from exumob.support.quantities import DEPTH, DIRECTION, ImplausibleValue, Quantity, Unusual, unusual
 from exumob.support.tables import read_table, row_lines
 from exumob.water.conditions import Water
 from exumob.water.water_field import WaterField
@@ -148,7 +148,8 @@ class CrossSection(Declared):
 
     def level_at_depth(self, depth: float) -> float:
         """World z of the still surface at which the greatest depth is `depth` [m]."""
-        return float(np.min(self.bed)) + depth
+        level = float(np.min(self.bed)) + depth
+        return unusual(level) if isinstance(depth, Unusual) else level
 
     def greatest_depth(self, level: float) -> float:
         """Greatest depth at a level [m]; 0 if all is dry."""
@@ -190,12 +191,21 @@ class CrossSection(Declared):
         ------
         ValueError
             With the heights and the remedy.
+        ImplausibleValue
+            If the water is implausibly deep.
         """
         bed = np.asarray(self.bed)
         if level <= bed.min():
             raise ValueError(
                 f"level = {level:.6g} m lies below the bed everywhere (its lowest point is at {bed.min():.6g} m): "
                 "there is no water. Raise it, and give both above the same datum."
+            )
+        deepest = DEPTH.plausible[1] if DEPTH.plausible else math.inf
+        if level - bed.min() > deepest and not isinstance(level, Unusual):
+            raise ImplausibleValue(
+                f"level = {level:.6g} m lies {level - bed.min():.6g} m above the lowest point of the bed "
+                f"({bed.min():.6g} m), and no depth beyond {deepest:g} m is plausible: are heights or stations in mm, "
+                "or level and bed above different data? Give all in m, above the same datum."
             )
         for what, n, side in (("begins", 0, "first"), ("ends", -1, "last")):
             if bed[n] < level:

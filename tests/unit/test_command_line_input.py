@@ -392,6 +392,7 @@ NO_DRIVE = [
     (["--slope", "70"], "--slope 70 must be -60 to 60 degrees"), (["--heading", "400"], "--heading 400 must be"),
     (["--speed", "nan"], "--speed = nan is not a finite"), (["--start-x", "nan"], "--start-x = nan is not a finite"),
     (["--soil-value", "cohesoin=9"], "--soil-value 'cohesoin=9' is not known; use cohesion=VALUE"),
+    (["--soil-value", "phi=30"], "--soil-value 'phi=30' is not known; use friction_angle=VALUE"),
     (["--soil-value", "n=x"], "--soil-value 'n=x' holds no number"),
     (["--soil-value", "n=1", "--soil-value", "n=1"], "--soil-value n stands twice"),
     (["--soil-value", "friction_angle=95"], "--soil-value friction_angle 95 must be 0 to 80 degrees"),

@@ -215,6 +215,15 @@ def test_what_will_be_driven_is_said():
     assert "standing at station 0 m; its tyres at 1 m/s; 3.5 m to go, 8 s" in lines["drive"].replace("-0 m", "0 m")
 
 
+def test_ground_beyond_the_section_is_said_to_be_taken_as_level():
+    """The vehicle needs more dry bank than was measured, on both sides; with enough of it nothing is said."""
+    short = CrossSection([0.0, 4.0, 5.0, 9.0], [0.5, -0.4, -0.4, 0.5])
+    said = Ford(short, 0.4, scaled_vehicle(1.0), SAND).lines()["banks"]
+    assert "taken as level before station 0 m and after station 9 m, where the section has no points" in said
+    long = CrossSection([-20.0, 0.0, 4.0, 5.0, 9.0, 30.0], [0.5, 0.5, -0.4, -0.4, 0.5, 0.5])
+    assert "taken as level" not in Ford(long, 0.4, scaled_vehicle(1.0), SAND).lines()["banks"]
+
+
 def test_bends_of_the_bed_beyond_the_way_are_no_banks():
     station = [-9.0, -8.0, 0.0, 1.0, 1.5, 2.5, 3.0, 4.0, 20.0, 21.0]
     bed = [5.0, 0.1, 0.1, 0.0, -0.12, -0.12, 0.0, 0.1, 0.1, 5.0]

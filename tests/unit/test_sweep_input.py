@@ -1,6 +1,7 @@
 """What is asked of a sweep: arguments, values of cases, results and folders that are refused, by name."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from exumob.sweeps import sweep, tune
 from exumob.sweeps.case_rows import fault_of_result
 from exumob.sweeps.experiment import amphibious_lane_change
 from exumob.sweeps.run import _check_cases
+from exumob.sweeps.study import from_options
+from exumob.vehicle.vehicle_file import load_vehicle
 
 CASES = [{"x": 1.0}, {"x": 2.0}]
 
@@ -87,6 +90,19 @@ def test_values_that_belong_together_change_together():
     assert base.with_values(both).vehicle.track == 0.9
     with pytest.raises(ValueError, match=r"Vehicle\.track"):
         base.with_values({"hull.width": 0.6})
+
+
+def test_another_vehicle_stands_as_deep_over_its_tyres():
+    """The base is D60 for each vehicle, at the command line too; a depth that is given stays."""
+    car = load_vehicle("small_car")
+    base = amphibious_lane_change().with_vehicle(car)
+    assert base.water.depth == pytest.approx(0.6 * car.wheel.diameter) and base.water.current_speed == 1.0
+    (found, _), (given, _) = (
+        from_options("small_car", [*more, "hydrodynamics=coefficients"], ["hull.mass=900,1000"], 1, 0)
+        for more in ([], ["water.depth=0.2"])
+    )
+    assert found.water == base.water and given.water.depth == 0.2
+    assert replace(base, water=None).with_vehicle(car).water is None
 
 
 def test_combinations_that_do_not_fit_become_rows_with_a_warning(caplog):

@@ -205,6 +205,26 @@ def test_bad_field_is_named_with_value_limit_and_remedy(part, field, value):
     assert re.search(r"give|use|check|choose|at least", message, re.IGNORECASE), f"no remedy: {message}"
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda v: replace(v, suspension=replace(v.suspension, damping=0.139)),
+         r"damping = 0\.139 N s/m is 0\.03 % of the critical one .* is it in N s/mm\? Then give 139 N s/m"),
+        (lambda v: replace(v, wheelbase=0.6, track=1.0), r"track = 1 m is larger than the wheelbase, .* swapped"),
+        (lambda v: replace(v, hull=replace(v.hull, ground_clearance=29.0)),
+         r"ground_clearance = 29\.0 m .*is it in mm\? Then give 0\.029 m; or in cm\? Then give 0\.29 m\."),
+    ],
+)  # fmt: skip
+def test_what_is_in_another_unit_or_swapped_is_asked_for(change, message):
+    with pytest.raises(ImplausibleValue, match=message):
+        change(AMPHIBIOUS)
+
+
+def test_no_damping_and_what_is_meant_pass():
+    for damping in (0.0, unusual(0.139)):
+        assert replace(AMPHIBIOUS, suspension=replace(AMPHIBIOUS.suspension, damping=damping)).mass > 0.0
+
+
 def test_center_of_mass_must_lie_between_the_axles():
     with pytest.raises(ValueError, match=r"center_of_mass_x = 0\.4 .*between the axles"):
         replace(AMPHIBIOUS, hull=replace(AMPHIBIOUS.hull, center_of_mass_x=0.4))

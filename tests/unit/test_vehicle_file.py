@@ -2,11 +2,14 @@
 
 import pickle
 import sys
+from pathlib import Path
 
 import pytest
 
 from exumob.vehicle.vehicle_file import load_vehicle
 from vehicle_models.amphibious import amphibious_vehicle
+
+ROOT = Path(__file__).parents[2]
 
 HEADER = "from vehicle_models.amphibious import amphibious_vehicle as _base\n"
 GOOD = HEADER + "def car():\n    return _base()\n"
@@ -16,6 +19,13 @@ def write(folder, text, name="mine.py"):
     path = folder / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return path
+
+
+def test_vehicles_that_come_with_it_have_names():
+    """The names work from any folder; a file that is there comes first."""
+    assert load_vehicle("small_car") == load_vehicle(ROOT / "vehicle_models" / "small_car.py")
+    with pytest.raises(FileNotFoundError, match="a vehicle that comes with exumob: amphibious, large_4x4"):
+        load_vehicle("small_cat")
 
 
 @pytest.mark.parametrize(

@@ -17,10 +17,11 @@ def soil_line(runs: Sequence[RunDescription]) -> str:
     named = ", ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else "")
     own = any(not is_published(run.soil) for run in runs)
     flat = all(run.terrain.is_flat for run in runs)
+    off = percents(wheel["error_low"], wheel["error_high"])
     return (
         f"Soil: {'your own' if own else 'published'} values ({named}), {'flat' if flat else 'given terrain'}; "
-        f"{percents(wheel['error_low'], wheel['error_high'])} of the load off on one measured wheel, up to "
-        f"{wheel['side_slip_deg']:g} deg of side slip.{_soil_under_water(runs)}"
+        f"{off} of the load off on one measured wheel ({wheel['wheel']}), up to {wheel['side_slip_deg']:g} deg of side "
+        f"slip.{_soil_under_water(runs)}"
     )
 
 
