@@ -14,6 +14,7 @@ from exumob.commands.lane_change import lane_change_command
 from exumob.commands.learn import learn_command
 from exumob.commands.map import map_command
 from exumob.commands.options import PanelCommand
+from exumob.commands.parameters import parameters_command
 from exumob.commands.shared import console, errors
 from exumob.commands.soils import soils_command
 from exumob.commands.sweep import sweep_command
@@ -51,7 +52,7 @@ def main(
 COMMANDS: dict[str, Callable[..., None]] = {
     "drive": drive_command, "ford": ford_command, "lane-change": lane_change_command, "captive": captive_command,
     "sweep": sweep_command, "map": map_command, "learn": learn_command, "train": train_command,
-    "export": export_command, "soils": soils_command, "verify": verify_command,
+    "export": export_command, "soils": soils_command, "parameters": parameters_command, "verify": verify_command,
 }  # fmt: skip
 for name, command in COMMANDS.items():
     app.command(name, cls=PanelCommand)(command)

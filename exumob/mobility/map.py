@@ -226,7 +226,7 @@ def verdict_lines(mapped: xr.Dataset) -> list[str]:
             f"computed nodes{f' ({rest} more are interpolated)' if rest else ''}; {_how_sure(at, counts)}"
         )
     if not has_range:
-        lines.append("This model of the water has no training range: nothing says where it does not hold.")
+        lines.append("This model of the water has no training range: it is not hatched where it does not hold.")
     return lines
 
 

@@ -34,6 +34,8 @@ LEVELS: dict[float, Any] = {
     0.1: {"lw": 1.0, "ls": (0, (5, 1.5, 1, 1.5))}, 0.5: {"lw": 2.0, "ls": "-"}, 0.9: {"lw": 1.0, "ls": (0, (5, 1.5))},
 }  # fmt: skip
 """Chances of which lines are drawn where the runs support them [-], and how."""
+NEAR_EDGE = 0.06
+"""Distance from the edge of a panel, over its size, within which a line has no label."""
 SHADES = np.linspace(0.0, 1.0, 11)
 """Bounds of the colours of the chance."""
 GO, NO_GO = "#92b8d8", "#e8906a"
@@ -225,7 +227,10 @@ def _draw_speed(axes: Axes, x: Array, y: Array, speed: Array) -> dict[str, Artis
         return {}
     style: dict[str, Any] = {"colors": "0.35", "linewidths": 0.6, "linestyles": ":"}
     lines = axes.contour(x, y, np.ma.masked_invalid(speed), **style)
-    axes.clabel(lines, fmt=lambda speed: f"{speed:.3g} m/s", fontsize=7)
+    for label in axes.clabel(lines, fmt=lambda speed: f"{speed:.3g} m/s", fontsize=7):
+        place = axes.transAxes.inverted().transform(axes.transData.transform(label.get_position()))
+        if not np.all((place > NEAR_EDGE) & (place < 1.0 - NEAR_EDGE)):
+            label.remove()  # it would be cut
     return {"speed": Line2D([], [], color="0.35", lw=0.8, ls=":", label="mean speed ahead")}
 
 

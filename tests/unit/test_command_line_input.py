@@ -13,7 +13,9 @@ from exumob.commands.options import COMMON_ANGLES, option_names, radians, taken_
 from exumob.commands.report import _aspects
 from exumob.commands.shared import check_targets
 from exumob.ground.soil import Soil
+from exumob.support.declared import declared_fields
 from exumob.support.quantities import Quantity
+from exumob.vehicle.parameters import Hull, Suspension, Vehicle, Wheel
 
 SHORT = ["--duration", "0.2", "--micro-step", "5e-4", "--macro-step", "20e-3"]
 OPTIONS = {
@@ -85,6 +87,19 @@ def test_soils_lists_all_23():
         (line,) = [text for text in lines if text.strip().startswith(row.name)]
         assert f"{row.soil.n:g}" in line
     assert len(Soil.published_table()) == 23
+
+
+def test_parameters_lists_every_field_of_a_vehicle_file():
+    """With unit, limits and default, from the declarations; others by their names, in any case."""
+    answer = call("parameters")
+    for owner in (Vehicle, Hull, Wheel, Suspension):
+        for field in declared_fields(owner):
+            assert re.search(rf"^  {field.name}( \[|: )", answer.output, re.M), field.name
+    assert "  mass [kg]: Mass of tyre and rim (> 0 and <= 1e+06, plausible 0.01 to 3000; needed)" in answer.output
+    assert "friction_angle [rad]" in call("parameters", "soil").output
+    assert len(call("parameters", "all").output) > 2 * len(answer.output)
+    wrong = call("parameters", "Suspensoin")
+    assert wrong.exit_code == 2 and "'Suspensoin' has no parameters; use Suspension" in plain(wrong.output)
 
 
 def test_soils_states_the_values_of_the_source():

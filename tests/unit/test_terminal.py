@@ -74,7 +74,8 @@ def test_there_is_no_other_way_to_the_terminal():
 WRONG = {
     "drive": ["--soil-value"], "ford": ["--depth", "0.2"], "lane-change": ["--soil"], "captive": ["--figure"],
     "sweep": ["--vary"], "map": ["--current"],
-    "train": ["--preset"], "learn": ["--plan", "--preset"], "export": ["--output", "run.onnx"], "verify": [],
+    "train": ["--preset"], "learn": ["--plan", "--preset"], "export": ["--output", "run.onnx"],
+    "parameters": [], "verify": [],
 }  # fmt: skip
 """For each command, what stands before a text of the user that it refuses."""
 

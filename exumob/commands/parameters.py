@@ -1,0 +1,73 @@
+"""The command `exumob parameters`."""
+
+from __future__ import annotations
+
+from dataclasses import MISSING
+from typing import Annotated, Any
+
+import typer
+
+from exumob.commands.shared import console, fail
+
+VEHICLE = ("Vehicle", "Hull", "Box", "WheelArches", "Wheel", "Suspension", "Wishbones", "Steering")
+"""What is listed where nothing is named: all that a vehicle file holds."""
+
+
+def parameters_command(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="Classes, such as Hull, Soil or Water; all: every one. Default: those of a vehicle file."),
+    ] = None,
+) -> None:
+    """List fields with their units, limits, defaults and meanings.
+
+    Example: exumob parameters Soil Water LaneChange
+    """
+    from exumob.support.declared import declared_fields, nearest_names
+    from exumob.support.quantities import shown
+
+    known = _classes()
+    asked = list(names or VEHICLE)
+    if asked == ["all"]:
+        asked = list(known)
+    lowered = {name.casefold(): name for name in known}
+    for name in asked:
+        if name.casefold() not in lowered:
+            near = nearest_names(name, list(known)) or list(known)
+            fail(ValueError(f"{shown(name, 60)} has no parameters; use {', '.join(near)}."))
+    for name in asked:
+        owner = known[lowered[name.casefold()]]
+        console.print(f"{owner.__name__}: {(owner.__doc__ or '').partition(chr(10))[0]}", soft_wrap=True)
+        for field in declared_fields(owner):
+            unit = "" if field.quantity is None or not field.quantity.symbol else f" [{field.quantity.symbol}]"
+            console.print(f"  {field.name}{unit}: {_said(field)}", soft_wrap=True)
+
+
+def _classes() -> dict[str, type]:
+    """Return what has fields of its own that a user gives, by name."""
+    from exumob import ConstantSteer, LaneChange, PathFollowing, Soil, StartPose, Vehicle, Water
+    from exumob.vehicle import parameters
+    from exumob.water.coefficients import Coefficients
+
+    parts = [getattr(parameters, name) for name in VEHICLE[1:]]
+    return {
+        owner.__name__: owner
+        for owner in (Vehicle, *parts, Soil, Water, LaneChange, ConstantSteer, PathFollowing, StartPose, Coefficients)
+    }
+
+
+def _said(field: Any) -> str:
+    """Say what a field means, its limits and its default."""
+    quantity = field.quantity
+    limits = quantity.bounds if quantity is not None else ""
+    if quantity is not None and quantity.plausible is not None:
+        plausible = "plausible {:.6g} to {:.6g}".format(*quantity.plausible)
+        limits = f"{limits}, {plausible}" if limits else plausible
+    default = "needed" if field.default is MISSING else f"default {_default(field.default)}"
+    return f"{' '.join(field.meaning.split()).rstrip('.')} ({'; '.join(part for part in (limits, default) if part)})"
+
+
+def _default(value: Any) -> str:
+    from exumob.support.quantities import shown
+
+    return f"{value:.6g}" if isinstance(value, float) else shown(value, 40)
