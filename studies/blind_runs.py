@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from exumob.learning.compact import thinned
 from exumob.learning.dataset import load_run, pack
-from exumob.learning.error_bars import share_within
+from exumob.learning.error_bars import bars_of, share_within
 from exumob.learning.evaluation import closed_loop, drive, open_loop
 from exumob.learning.validation import Compared, compare_loads
 from exumob.paper.reference_runs import FlowRun, compute_all, set_up_log, work_folder
@@ -68,11 +68,6 @@ def models() -> dict[str, Hydrodynamics]:
     }  # fmt: skip
 
 
-def error_bars(compared: Compared, floor: np.ndarray) -> np.ndarray:
-    """Standard deviations of the loads along a run [N, N m], shape (n, 5, 6)."""
-    return np.hypot(compared.spread, floor)
-
-
 def table(
     runs: Mapping[str, xr.Dataset], drives: Mapping[tuple[str, str], xr.Dataset], compared: Mapping[str, Compared],
     floor: np.ndarray,
@@ -81,7 +76,7 @@ def table(
     vehicle, members = amphibious_vehicle(), SurrogateHydrodynamics().networks
     ends = {key: closed_loop(run, runs[key[1]]) for key, run in drives.items()}
     errors = [one.networks - one.flow for one in compared.values()]
-    bars = [error_bars(one, floor) for one in compared.values()]
+    bars = [bars_of(one.spread, floor) for one in compared.values()]
     spreads = [one.spread for one in compared.values()]
     deviation = np.std(np.concatenate([one.flow for one in compared.values()]), axis=0)
     loads = np.stack([open_loop(members, run, vehicle).values for run in runs.values()])
@@ -125,7 +120,7 @@ def plot(
         axes.legend(fontsize="x-small")
         panels = below.subplots(len(SHOWN), len(runs), sharex=True, sharey="row", squeeze=False)
         for column, (name, one) in zip(panels.T, compared.items(), strict=True):
-            bars = error_bars(one, floor)
+            bars = bars_of(one.spread, floor)
             for panel, (body, component, unit) in zip(column, SHOWN, strict=True):
                 at = (slice(None), BODIES.index(body), WRENCH_COMPONENTS.index(component))
                 mean, width = one.networks[at], 2.0 * bars[at]

@@ -251,7 +251,7 @@ def claims(found: xr.Dataset) -> list[tuple[str, str, bool]]:
 
 
 def grids(found: xr.Dataset) -> list[str]:
-    """Lines of a table: measures of D60/U1 on three grids, observed order and uncertainty of that of the data set."""
+    """Lines of a table: measures of D60/U1 on three grids, observed order and index of the finest grid."""
     if not set(GRIDS) <= set(found["run"].values):
         return []
     sizes = [{"D60/U1": WORST, **VARIANTS}[name].cell_size for name in GRIDS]

@@ -16,7 +16,10 @@ VEHICLE = ("Vehicle", "Hull", "Box", "WheelArches", "Wheel", "Suspension", "Wish
 def parameters_command(
     names: Annotated[
         list[str] | None,
-        typer.Argument(help="Classes, such as Hull, Soil or Water; all: every one. Default: those of a vehicle file."),
+        typer.Argument(
+            help="Classes, such as Hull, Soil or Water; all: those of vehicle, soil, water and driving. "
+            "Default: those of a vehicle file."
+        ),
     ] = None,
 ) -> None:
     """List fields with their units, limits, defaults and meanings.

@@ -91,7 +91,7 @@ def _print_trust(result: xr.Dataset) -> None:
         console.print(f"{'trust':<21} {_aspects(result.attrs['trust'], 22)}", style=style, soft_wrap=True)
     parts = str(result.attrs.get("trust_errors", "")).splitlines()
     if parts:
-        console.print("of what the error of the path's end consists, over its length:")
+        console.print("parts of the error where it was measured, each by itself (of the path's end, over its length):")
     for part in parts:
         name, _, amount = part.partition(": ")
         console.print(f"  {name:<23} {amount}", soft_wrap=True)

@@ -34,6 +34,11 @@ def fitted_floor(errors: Sequence[Array], spreads: Sequence[Array]) -> Array:
     return np.asarray(np.sqrt(np.maximum(np.mean(lacking, axis=0), 0.0)))
 
 
+def bars_of(spread: Array, floor: Array) -> Array:
+    """Return error bars for a spread and a floor: standard deviations, of the shape of the spread."""
+    return np.asarray(np.hypot(spread, floor))
+
+
 def error_bars(errors: Sequence[Array], spreads: Sequence[Array]) -> list[Array]:
     """Return the error bars along runs, each with the floor of the other runs; of a single one with its own.
 
@@ -51,7 +56,7 @@ def error_bars(errors: Sequence[Array], spreads: Sequence[Array]) -> list[Array]
     for n, spread in enumerate(spreads):
         others = [k for k in range(len(spreads)) if k != n] or [n]
         floor = fitted_floor([errors[k] for k in others], [spreads[k] for k in others])
-        found.append(np.hypot(spread, floor))
+        found.append(bars_of(spread, floor))
     return found
 
 

@@ -20,6 +20,7 @@ from exumob.support.errors import SimulationError
 from exumob.surrogates.inputs import network_inputs
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import TRAINED_DENSITY, NetworkSet
+from exumob.surrogates.vehicle_shape import times_as_large
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.hydrodynamics import Hydrodynamics
@@ -66,7 +67,17 @@ def predicted_loads(
     -------
     array, shape (len(rows), 5, 6)
         Force [N] and moment [N m], body axes.
+
+    Raises
+    ------
+    ValueError
+        If the networks were trained for another vehicle, or for this one in another size.
     """
+    if times_as_large(vehicle, network.about["geometry"]) != 1.0:
+        raise ValueError(
+            f"predicted_loads.vehicle: {vehicle.name} is not the vehicle of these networks ({network.name}); give runs "
+            "of the vehicle that they know, in its own size."
+        )
     architecture, states, water = network.architecture, body_states(run), water_of(run)
     inputs = network_inputs(states, water, architecture.inputs)
     loads = network.batch_wrenches(np.moveaxis(windows(inputs, rows, architecture), 2, 1))

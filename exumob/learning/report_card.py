@@ -16,6 +16,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from exumob.learning.dataset import body_states, water_of
+from exumob.learning.error_bars import bars_of
 from exumob.learning.plan import FreeTask, LearningPlan
 from exumob.learning.validation import BETTER, DEVIATIONS, TWO, Compared, Drive, compared_with, shortfall
 from exumob.support.figures import STYLE
@@ -193,7 +194,7 @@ def _draw_loads(c: CardContents) -> Figure:
         figure, panels = plt.subplots(len(SHOWN), 1, figsize=(10.0, 7.0), sharex=True, layout="constrained")
         for axes, (body, component, unit) in zip(panels, SHOWN, strict=True):
             b, k = BODIES.index(body), WRENCH_COMPONENTS.index(component)
-            mean, spread = one.networks[:, b, k], np.hypot(one.spread[:, b, k], float(c.errors["floor"][b, k]))
+            mean, spread = one.networks[:, b, k], bars_of(one.spread, c.errors["floor"].values)[:, b, k]
             axes.fill_between(one.time, mean - 2.0 * spread, mean + 2.0 * spread, color="C0", alpha=0.25, lw=0.0)
             axes.plot(one.time, one.coefficients[:, b, k], color="0.6", lw=0.9, label="coefficients")
             axes.plot(one.time, one.flow[:, b, k], color="k", lw=1.0, label="flow")

@@ -292,13 +292,14 @@ class SurrogateHydrodynamics:
             return {}
         floor = self._water.density / TRAINED_DENSITY * self._load_factors * self._floor
         bars = np.hypot(np.array(self._spread), floor)
-        bars[np.array(self._fallback) > 0.0] = np.nan
+        outside = np.array(self._excess).max(axis=-1) > OUTSIDE
+        bars[outside | (np.array(self._fallback) > 0.0)] = np.nan
         found = xr.DataArray(
             bars, coords | {"component": list(WRENCH_COMPONENTS)}, ("macro_time", "body", "component"),
             attrs={
                 "units": "N, N m",
                 "long_name": "standard deviation of the loads' error beside the flow, body axes",
-                "comment": "nan where the calibrated coefficients take part: it was not measured there",
+                "comment": "nan outside the training range, where it was not measured",
             },
         )  # fmt: skip
         return {"load_error_bar": found}

@@ -123,7 +123,10 @@ class Experiment(Declared):
         ]  # fmt: skip
 
     def with_vehicle(self, vehicle: Vehicle) -> Experiment:
-        """The experiment with another vehicle, in water of the same depth over the diameter of its tyres."""
+        """The experiment with another vehicle, in water of the same depth over the diameter of its tyres.
+
+        A level and a field stay as they are.
+        """
         water = self.water
         if water is not None and water.depth is not None:
             water = replace(water, depth=water.depth / self.vehicle.wheel.diameter * vehicle.wheel.diameter)

@@ -219,7 +219,8 @@ def _study(text: Mapping[str, Any], folder: Path) -> tuple[Experiment, list[Case
         vehicle = base.pop("vehicle")
         if not isinstance(vehicle, str):
             raise ValueError(f'base.vehicle = {shown(vehicle)} must be the name of a file, such as "my_vehicle.py".')
-        experiment = experiment.with_vehicle(load_vehicle(folder / vehicle))
+        file = folder / vehicle
+        experiment = experiment.with_vehicle(load_vehicle(file if file.suffix or file.exists() else vehicle))
     lists: dict[str, Sequence[Any]] = {}
     for name, value in _flat("vary", _table("vary", text.get("vary", {})), names).items():
         if isinstance(value, dict):

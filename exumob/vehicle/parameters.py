@@ -103,8 +103,9 @@ class Vehicle(Declared):
                 )
         if self.track > WIDEST_TRACK * self.wheelbase and not isinstance(self.track, Unusual):
             raise ImplausibleValue(
-                f"Vehicle.track = {self.track:g} m is larger than the wheelbase, {self.wheelbase:g} m; are they "
-                f"swapped? If it is meant: track=unusual({self.track:g})."
+                f"Vehicle.track = {self.track:g} m is {self.track / self.wheelbase:.3g} times the wheelbase, "
+                f"{self.wheelbase:g} m, and up to {WIDEST_TRACK:g} is plausible; are they swapped? If it is meant: "
+                f"track=unusual({self.track:g})."
             )
         front = self.front_load_share
         if not 0.05 <= front <= 0.95:

@@ -25,7 +25,8 @@ def scaled_vehicle(
 ) -> Vehicle:
     """Return a vehicle of the same form and mass distribution, some times as large, with springs and dampers to match.
 
-    Networks that know the vehicle know the other one, too (`exumob.surrogates.model.SurrogateHydrodynamics`).
+    Networks that know the vehicle know the other one, too, unless they sample the past or its hull has several boxes
+    (`exumob.surrogates.model.SurrogateHydrodynamics`).
 
     Parameters
     ----------

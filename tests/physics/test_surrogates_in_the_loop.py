@@ -83,6 +83,11 @@ def test_error_bars_are_spread_and_floor_where_they_were_measured(vehicle, sand)
     run = simulate(vehicle, sand, beyond, lane_change(), SurrogateHydrodynamics(), duration=0.1, **STEPS)
     taking_part = run["hydrodynamics_fallback_share"].values > 0.0
     assert taking_part.any() and np.isnan(run["hydrodynamics_load_error_bar"].values[taking_part]).all()
+    alone = simulate(
+        vehicle, sand, beyond, lane_change(), SurrogateHydrodynamics(fallback=False), duration=0.1, **STEPS
+    )
+    outside = alone["hydrodynamics_out_of_range"].values
+    assert outside.any() and np.isnan(alone["hydrodynamics_load_error_bar"].values[outside]).all()
     own = simulate(vehicle, sand, water, None, SurrogateHydrodynamics(residual(vehicle)), duration=0.04, **STEPS)
     assert "hydrodynamics_load_error_bar" not in own
 

@@ -169,7 +169,7 @@ def test_another_name_is_no_other_vehicle(run):
     assert trust_of(replace(run, vehicle=replace(CAR, name="another")), 0.0, 0.0).status == "measured"
 
 
-def test_one_seed_has_no_error_bars(run, tmp_path):
+def test_one_seed_has_error_bars_if_they_were_measured(run, tmp_path):
     one = save_ensemble(MEMBERS[:1], tmp_path / "one.safetensors", CARD | {"members": 1, "inside": 0.0})
     line = trust_of(replace(run, hydrodynamics=SurrogateHydrodynamics(one)), 0.0, 0.0).line
     assert "without error bars, as one seed has none" in line and "two standard deviations" not in line
@@ -180,10 +180,15 @@ def test_one_seed_has_no_error_bars(run, tmp_path):
 
 def test_parts_of_the_error_say_what_was_not_measured(run):
     parts = dict(trust_of(run, 0.0, 0.0).parts)
+    for name in ("flow made again", "other cells"):
+        assert "not measured" not in parts[name]  # the card's vehicle is the one that was
+    card = CARD | {"vehicle": "my car"}
+    mine = SurrogateHydrodynamics([with_card(member, card) for member in MEMBERS])
+    parts = dict(trust_of(replace(run, hydrodynamics=mine), 0.0, 0.0).parts)
     assert parts["model beside the flow"] == "2.3 %; at worst 3.4 %"
     assert parts["members of the ensemble"] == "two deviations of the ensemble hold 62 % of the loads kept apart"
     for name in ("flow made again", "other cells"):
-        assert parts[name].startswith("not measured on amphibious; on the amphibious vehicle ")
+        assert parts[name].startswith("not measured on my car; on the amphibious vehicle ")
 
 
 def test_water_from_behind_is_within_along(run):

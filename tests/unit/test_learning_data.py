@@ -121,7 +121,7 @@ def test_a_compact_run_is_a_third_as_large_and_the_same_but_for_rounding(run, tm
 
 
 def test_a_thinned_run_judges_as_the_whole_one(run, tmp_path):
-    """A sixth of the size; motion as it was, loads to a thousandth of their deviation of what smoothing leaves."""
+    """A sixth of the size; motion as it was, loads to a hundredth of their deviation."""
     packed = pack(run.assign_attrs(scenario="mine"))
     file, whole = save_dataset(thinned(packed), tmp_path / "run.nc"), save_dataset(packed, tmp_path / "whole.nc")
     assert file.stat().st_size < 0.17 * whole.stat().st_size

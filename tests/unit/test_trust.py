@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import exumob
 from exumob.coupling.explicit import Explicit
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
 from exumob.coupling.semi_implicit import SemiImplicit
@@ -349,6 +350,15 @@ class OwnFlow:
     start = advance = save = restore = report = lambda *given: None
 
 
+def test_networks_and_a_vehicle_of_another_form_or_size():
+    """Networks refuse another form, and the line says so; in another size it says how far they left their range."""
+    wide = replace(RUN, vehicle=replace(CAR, track=1.1 * CAR.track))
+    assert "It has not the form of the one that the networks know" in trust_of(wide).line
+    large = replace(RUN, vehicle=exumob.scaled_vehicle(CAR, 4.0))
+    assert "4 times as large" in trust_of(large).line and "outside the networks" not in trust_of(large).line
+    assert "outside the networks' training range for 90 % of the time (0 % of the time)" in trust_of(large, 0.9, 0.8).line
+
+
 @pytest.mark.parametrize(
     ("model", "text"),
     [
@@ -380,7 +390,7 @@ def test_parts_of_the_error_stand_each_on_a_line():
     flow = measured_errors()["flow"]
     names = {"networks": RUN, "coefficients": COEFFICIENTS, "flow": LOOP}
     found = {name: str(trust_of(run).attributes()["trust_errors"]).splitlines() for name, run in names.items()}
-    flows = ["flow made again", "other cells", "flow beside nature"]
+    flows = ["flow made again", "other cells", "loads of the flow"]
     assert [line.split(":")[0] for line in found["flow"]] == flows
     assert [line.split(":")[0] for line in found["coefficients"]] == ["model beside the flow", *flows]
     assert [line.split(":")[0] for line in found["networks"]] == [
@@ -389,6 +399,10 @@ def test_parts_of_the_error_stand_each_on_a_line():
     assert f"{100.0 * flow['ends']['15 mm cells']:.2g} % on 15 mm cells (D60/U1, made on 18 mm)" in found["flow"][1]
     assert "standard deviation of 5, on 4 runs not seen" in found["networks"][1]
     assert max(flow["ends"].values()) == flow["end"]
+    straight = trust_of(replace(RUN, maneuver=ConstantSteer(), steps=replace(RUN.steps, duration=4.0))).parts
+    assert straight[0][0] == "speed beside the flow" and "m/s" in straight[0][1]
+    two = replace(RUN, hydrodynamics=SurrogateHydrodynamics(NETWORKS.networks[:2]))
+    assert "standard deviation of 5" in dict(trust_of(two).parts)["members of the ensemble"]
     assert "trust_errors" not in trust_of(replace(COEFFICIENTS, vehicle=OTHER)).attributes()
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from exumob.simulation.trust.measured_runs import shipped_name
+from exumob.simulation.trust.measured_runs import digests_of, measured_vehicle, shipped_name
 from exumob.support.measured import flow_load_error, measured_errors
 from exumob.support.wording import percent
 from exumob.surrogates.ensemble import card_of
@@ -38,10 +38,11 @@ def error_parts(model: Hydrodynamics, mean: float, worst: float, straight: bool 
     networks = isinstance(model, SurrogateHydrodynamics)
     card = card_of(model.networks) if isinstance(model, SurrogateHydrodynamics) else None
     off = f"{mean:.2g} m/s; at worst {worst:.2g} m/s" if straight else f"{percent(mean)}; at worst {percent(worst)}"
-    parts = [("model beside the flow", off)]
+    parts = [("speed beside the flow" if straight else "model beside the flow", off)]
     if networks:
         parts.append(("members of the ensemble", _spread(model, card)))
-    return (*parts, *flow_parts(None if card is None else str(card["vehicle"])))
+    other = card is not None and str(card["vehicle"]) != measured_vehicle()
+    return (*parts, *flow_parts(str(card["vehicle"]) if card is not None and other else None))
 
 
 def flow_parts(vehicle: str | None = None) -> tuple[Part, ...]:
@@ -54,14 +55,12 @@ def flow_parts(vehicle: str | None = None) -> tuple[Part, ...]:
     """
     flow = measured_errors()["flow"]
     where = "" if vehicle is None else f"not measured on {vehicle}; on the amphibious vehicle "
-    scatter = [off for name, off in flow["ends"].items() if "cells" not in name]
-    cells = {name: off for name, off in flow["ends"].items() if "cells" in name}
-    made = " and ".join(name for name in flow["ends"] if "cells" not in name)
-    sizes = "; ".join(f"{percent(off)} on {name}" for name, off in cells.items())
+    again = [f"{percent(off)} {name}" for name, off in flow["ends"].items() if "cells" not in name]
+    sizes = [f"{percent(off)} on {name}" for name, off in flow["ends"].items() if "cells" in name]
     return (
-        ("flow made again", f"{where}{percent(max(scatter))} ({flow['scenario']}, {made})"),
-        ("other cells", f"{where}{sizes} ({flow['scenario']}, made on {1e3 * flow['cell_size']:g} mm)"),
-        ("flow beside nature", flow_load_error().rstrip(".")),
+        ("flow made again", f"{where}{', '.join(again)} ({flow['scenario']})"),
+        ("other cells", f"{where}{', '.join(sizes)} ({flow['scenario']}, made on {1e3 * flow['cell_size']:g} mm)"),
+        ("loads of the flow", flow_load_error().rstrip(".")),
     )
 
 
@@ -76,4 +75,4 @@ def _spread(model: Hydrodynamics, card: Mapping[str, Any] | None) -> str:
     rows = [row for row in measured_errors()["runs"] if not row["taught_networks"]]
     name = shipped_name(model) or "networks"
     found = float(np.mean([row[name]["spread"] for row in rows]))
-    return f"{percent(found)} (standard deviation of {len(model.networks)}, on {len(rows)} runs not seen)"
+    return f"{percent(found)} (standard deviation of {len(digests_of(name))}, on {len(rows)} runs not seen)"

@@ -45,6 +45,7 @@ from exumob.support.wording import percent
 from exumob.surrogates.ensemble import card_of
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.vehicle_shape import times_as_large
+from exumob.vehicle.parameters import Vehicle
 from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
@@ -169,7 +170,10 @@ def _together(cases: Sequence[_Case]) -> Trust:
         scaled = isinstance(model, SurrogateHydrodynamics) and shipped_name(model) is not None
         if not isinstance(model, CoefficientHydrodynamics) and not scaled:
             return trust
-        beyond = (d for run, _, _, met in cases for d in departures_by_froude(run, met))
+        beyond = [d for run, _, _, met in cases for d in departures_by_froude(run, met)]
+        left = [outside for _, outside, _, _ in cases if outside is not None and outside > 0.005]
+        if scaled and left:
+            beyond.append(Departure(OUTSIDE_RANGE, tuple(100.0 * outside for outside in left), "0", "% of the time"))
         return replace(trust, departures=tuple(merged(beyond)))
     if len(cases) > 1 and trust.nearest:  # the nearest run is that of one case only
         trust = replace(trust, error=trust.error.replace(trust.nearest, ""), nearest="")
@@ -219,7 +223,7 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     name = "calibrated" if isinstance(model, CalibratedHydrodynamics) else "coefficients"
     if isinstance(model, SurrogateHydrodynamics):
         if (card := card_of(model.networks)) is not None:
-            return _learnt(model, card, soil)
+            return _learnt(model, card, run.vehicle, soil)
         shipped = shipped_name(model)
         if shipped is None:
             advice = "networks of your own; compare them with runs that they have not learnt."
@@ -264,10 +268,14 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
         return Trust(label, "measured", error, soil, (), mean, worst, nearest=near, parts=parts)
     if isinstance(model, SurrogateHydrodynamics):
         size = times_as_large(run.vehicle, model.networks[0].about["geometry"])
+        form = (
+            "It has not the form of the one that the networks know, and they refuse it"
+            if size is None
+            else f"It has the form of the one that the networks know, {size:.3g} times as large: loads, speeds and "
+            "times are scaled by Froude's law, which water follows and soil does not"
+        )
         advice = (
-            f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop. It has the form of the "
-            f"one that the networks know, {size:.3g} times as large: loads, speeds and times are scaled by Froude's "
-            "law, which water follows and soil does not. For the other one"
+            f"this vehicle ({run.vehicle.name}) was never compared with the flow in the loop. {form}. For the other one"
         )
     else:
         advice = (
@@ -277,7 +285,7 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     return Trust(label, "not validated", error, soil, advice=advice)
 
 
-def _learnt(model: SurrogateHydrodynamics, card: Mapping[str, Any], soil: str) -> Trust:
+def _learnt(model: SurrogateHydrodynamics, card: Mapping[str, Any], vehicle: Vehicle, soil: str) -> Trust:
     """Networks that carry a report card (`exumob learn`), as if the run were like those of the card."""
     ends = [abs(float(one["end"])) for one in card["drives"]]
     drives = (
@@ -297,6 +305,13 @@ def _learnt(model: SurrogateHydrodynamics, card: Mapping[str, Any], soil: str) -
     )
     if not ends:
         return Trust("networks", "not validated", error, soil, advice="their drives were never compared. Where known,")
+    size = times_as_large(vehicle, model.networks[0].about["geometry"])
+    if size is not None and size != 1.0:
+        advice = (
+            f"{vehicle.name} has the form of the vehicle of the card, {size:.3g} times as large: loads, speeds and "
+            "times are scaled by Froude's law, which water follows and soil does not. For the other one,"
+        )
+        return Trust("networks", "not validated", error, soil, advice=advice)
     shares = [float(one["fallback"]) for one in card["drives"] if isinstance(one.get("fallback"), int | float)]
     share = float(np.mean(shares)) if shares else 0.0
     if share > MOSTLY:
