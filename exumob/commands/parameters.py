@@ -48,14 +48,18 @@ def parameters_command(
 
 def _classes() -> dict[str, type]:
     """Return what has fields of its own that a user gives, by name."""
-    from exumob import ConstantSteer, LaneChange, PathFollowing, Soil, StartPose, Vehicle, Water
+    from exumob.driving.maneuver import ConstantSteer, LaneChange
+    from exumob.driving.path_following import PathFollowing
+    from exumob.ground.soil import Soil
     from exumob.vehicle import parameters
+    from exumob.vehicle.start_pose import StartPose
     from exumob.water.coefficients import Coefficients
+    from exumob.water.conditions import Water
 
-    parts = [getattr(parameters, name) for name in VEHICLE[1:]]
+    parts = [getattr(parameters, name) for name in VEHICLE]
     return {
         owner.__name__: owner
-        for owner in (Vehicle, *parts, Soil, Water, LaneChange, ConstantSteer, PathFollowing, StartPose, Coefficients)
+        for owner in (*parts, Soil, Water, LaneChange, ConstantSteer, PathFollowing, StartPose, Coefficients)
     }
 
 

@@ -71,6 +71,7 @@ BASES = {
     "train": [[]],
     "export": [["none.safetensors", "--output", "x.onnx"]],
     "soils": [[]],
+    "parameters": [[], ["Soil", "wheel"], ["all"]],
     "verify": [["--list"], ["sloshing"], ["none"]],
 }
 """Arguments to begin with"""

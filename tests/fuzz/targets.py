@@ -385,6 +385,7 @@ def function_targets() -> list[Target]:
         also=("maneuver",)),
         f("lane_change", exumob.lane_change, {}, verify=verify_object),
         f("lane_shift", lane_shift, {}),
+        f("scaled_vehicle", exumob.scaled_vehicle, {"vehicle": vehicle, "factor": 2.0}),
         f("unusual", exumob.unusual, {"value": 1.0}),
         f("wheel_soil_forces", exumob.wheel_soil_forces, contact, verify=_verify_forces, weight=2),
         f("hull_contact", hull_contact, {

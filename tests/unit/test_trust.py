@@ -356,7 +356,9 @@ def test_networks_and_a_vehicle_of_another_form_or_size():
     assert "It has not the form of the one that the networks know" in trust_of(wide).line
     large = replace(RUN, vehicle=exumob.scaled_vehicle(CAR, 4.0))
     assert "4 times as large" in trust_of(large).line and "outside the networks" not in trust_of(large).line
-    assert "outside the networks' training range for 90 % of the time (0 % of the time)" in trust_of(large, 0.9, 0.8).line
+    assert (
+        "outside the networks' training range for 90 % of the time (0 % of the time)" in trust_of(large, 0.9, 0.8).line
+    )
 
 
 @pytest.mark.parametrize(
