@@ -38,7 +38,7 @@ __all__ = [
 
 LEAST_DAMPING = 0.005
 """Least plausible damping of a hull on its springs, over the critical one [-]; cars have 0.2 to 0.4. 0 is none."""
-WIDEST_TRACK = 1.3
+WIDEST_TRACK = 1.5
 """Largest plausible track over the wheelbase [-]."""
 SLOWEST_HEAVE = 0.2
 """Slowest plausible heave of a hull on its springs [Hz]; cars have 1 to 2, small models 3 to 10."""

@@ -69,7 +69,7 @@ def test_summary_has_a_dozen_lines_and_the_asked_figures(written):
     ):  # fmt: skip
         assert name in text
     before = re.split(r"^result", written[0].output, flags=re.MULTILINE)[0]
-    skipped = "settling:", "driving:", " "  # further aspects of trust are indented below its first one
+    skipped = "settling:", "driving:", "parts of the error", " "  # what belongs to trust is indented below it
     lines = [line for line in before.splitlines() if line.strip() and not line.startswith(skipped)]
     assert lines[0].startswith("verdict") and 11 <= len(lines) <= 14
 

@@ -179,7 +179,7 @@ def test_the_whole_with_the_flow(tmp_path, monkeypatch):
     assert all(float(np.abs(run["water_wrench"].values[:, 0, 2]).max()) > 1.0 for run in runs.values())
     page = (tmp_path / "out" / CARD).read_text()
     assert len(page) > 50_000
-    assert "networks of one seed" in page and "1 set of networks" in page and "within two deviations" not in page
+    assert "1 set of networks" in page and "spread alone" not in page and "The error bar of a load" in page
     again = CliRunner().invoke(app, call, env={"COLUMNS": "200", "TERM": "dumb"})
     assert again.exit_code == 0 and re.search(r"(\d+) of \1 runs are there already", again.output)
     other = CliRunner().invoke(app, [*call, "--cell-size", "0.07"], env={"COLUMNS": "200", "TERM": "dumb"})
