@@ -91,7 +91,8 @@ def _print_trust(result: xr.Dataset) -> None:
         console.print(f"{'trust':<21} {_aspects(result.attrs['trust'], 22)}", style=style, soft_wrap=True)
     parts = str(result.attrs.get("trust_errors", "")).splitlines()
     if parts:
-        console.print("parts of the error where it was measured, each by itself (of the path's end, over its length):")
+        heading = "parts of the error where it was measured, each by itself (of the path's end, over its length):"
+        console.print(heading, soft_wrap=True)
     for part in parts:
         name, _, amount = part.partition(": ")
         console.print(f"  {name:<23} {amount}", soft_wrap=True)
