@@ -12,6 +12,8 @@ from exumob.support.declared import Declared
 from exumob.support.quantities import Quantity
 
 DEFAULT_CLOSURE = closures.Smagorinsky()
+ABSORBING = 0.6
+"""Width of the zones that absorb waves before the window's sides, over the reference length [-]."""
 SurfaceTransport = Literal["thinc", "plic"]
 """How the surface is carried, by name."""
 
@@ -27,9 +29,12 @@ class FlowSettings(Declared):
     walls otherwise"""
     far_y: bool = True
     """The same of the sides across y"""
+    reference_length: Annotated[float | None, Quantity("m", at_least=1e-3, at_most=1e4)] = None
+    """Length that sets, by Froude's law, what has dimensions of its own: the width of the absorbing zones, the rate at
+    which faces hardly open are drawn to the slip velocity, the fastest fall of thin water, the closing of voids [m].
+    None: that of the vehicle in the window, if there is one (`exumob.flow.vehicle_window.settings_round`), else 1 m"""
     absorbing_width: Annotated[float | None, Quantity("m", at_least=1e-4, at_most=1e4)] = None
-    """Width of that zone [m]; None: in proportion to the vehicle in the window, if there is one
-    (`exumob.flow.vehicle_window.settings_round`), else 0.6 m"""
+    """Width of that zone [m]; None: 0.6 of the reference length"""
     absorbing_strength: Annotated[float, Quantity("1", at_least=0.0, at_most=100.0)] = 10.0
     """Relaxation rate at the very side, times the zone's width over sqrt(g depth) [-]; it falls with the cube of the
     distance. A long wave comes back from a side with exp(-strength / 2) of its height, one that meets it at an angle a
@@ -65,7 +70,8 @@ class FlowSettings(Declared):
     closest_surface: Annotated[float, Quantity("1", at_least=1e-4, at_most=0.2)] = 0.01
     """Least distance of the surface from a cell's centre over the distance between centres [-]"""
     void_stiffness: Annotated[float, Quantity("s/m^2", at_least=0.0, at_most=1e5)] = 1000.0
-    """Closing of voids, div u = -void_stiffness (1 - fraction)^2 p / density [s/m^2]"""
+    """Closing of voids, div u = -void_stiffness (1 - fraction)^2 p / density [s/m^2], at a reference length of 1 m; it
+    falls with the power 1.5 of that length"""
     refill_depth: Annotated[float, Quantity("1", at_least=1.0, at_most=6.0)] = 3.0
     """How deep solids are refilled with the fraction beside them [cells]"""
     fastest: Annotated[float, Quantity("m/s", at_least=1e-3, at_most=1e4)] = 30.0
@@ -74,9 +80,14 @@ class FlowSettings(Declared):
     """Threads of the kernels"""
 
     @property
+    def size(self) -> float:
+        """Reference length over 1 m [-]: the paper's vehicle has exactly 1."""
+        return 1.0 if self.reference_length is None else self.reference_length
+
+    @property
     def zone_width(self) -> float:
         """Width of the zone that absorbs waves [m]."""
-        return 0.6 if self.absorbing_width is None else self.absorbing_width
+        return ABSORBING * self.size if self.absorbing_width is None else self.absorbing_width
 
     def _check(self) -> None:
         most = int(numba.config.NUMBA_NUM_THREADS)

@@ -197,7 +197,10 @@ class TimeStep:
         old, walls = step.old, self.placement.surfaces
         if not len(walls.regions):
             return np.zeros((0, 6))
-        blending = velocity_extension.Blending(old.velocity, old.extended, old.wet, self.fluid.density, step.dt)
+        blending = velocity_extension.Blending(
+            old.velocity, old.extended, old.wet, self.fluid.density, step.dt,
+            velocity_extension.BLEND_RATE / math.sqrt(self.settings.size),
+        )  # fmt: skip
         given = self.placement.bed
         bed = velocity_extension.NO_BED if given is None else given.number
         o, bodies = self.placement.area_fractions, self.placement.bodies
@@ -240,7 +243,7 @@ class TimeStep:
         """Subtract the gradient of the pressure that frees the velocity of divergence."""
         s, new, o, m = self.settings, step.new, self.placement.area_fractions, self.metrics
         conditions = assembly.Conditions(
-            step.dt, self.fluid.level, s.closest_surface, s.void_stiffness, self.placement.bed is not None
+            step.dt, self.fluid.level, s.closest_surface, s.void_stiffness / s.size**1.5, self.placement.bed is not None
         )
         np.multiply(step.old.phi, step.dt / step.old.phi_dt, out=new.phi)
         assembly.assemble(
@@ -256,10 +259,12 @@ class TimeStep:
         """Velocity in the air and inside solids, and relative to the grid on full faces."""
         new, o = step.new, self.placement.area_fractions
         far = (*step.far, self._at_rest)
+        fastest_fall = velocity_extension.FASTEST_FALL * math.sqrt(self.settings.size)
         for axis in range(3):
             velocity_extension.extend(
-                new.extended[axis], new.velocity[axis], step.cells, o, axis, far[axis], step.dt, self._label
-            )
+                new.extended[axis], new.velocity[axis], step.cells, o, axis, far[axis], step.dt, self._label,
+                fastest_fall,
+            )  # fmt: skip
         if self.placement.bed is not None:
             self.placement.bed.stop(step.cells, o, new.velocity, new.extended)
         self.far_field.fill_velocity(new.velocity, step.far)

@@ -23,8 +23,6 @@ from exumob.water.conditions import Water
 
 AHEAD, BEHIND, ASIDE, TOP = 1.8, 2.4, 1.8, 0.42
 """Reach of the window from the hull's centre of mass, over the vehicle's length [-]."""
-ABSORBING = 0.6
-"""Width of the zones that absorb waves before the window's sides, over the vehicle's length [-]."""
 DEEPEST = 0.75
 """Depth beyond which no vehicle that stands on the ground feels how deep the water is, over its length [-]."""
 SPACING = 0.05
@@ -142,15 +140,16 @@ def window_over_terrain(
 
 
 def settings_round(vehicle: Vehicle, settings: FlowSettings) -> FlowSettings:
-    """Return settings whose absorbing zones are in proportion to a vehicle, unless they give a width themselves.
+    """Return settings whose reference length is that of a vehicle, unless they give one themselves.
 
     By Froude's law the waves of a vehicle are as long as it is large, and a zone absorbs waves of up to about two of
     its widths (`exumob verify far-field-waves`): 0.6 m, right for the paper's vehicle of 1 m, would send back those of
-    a car.
+    a car. In proportion to it, and with the rates that follow from it, the flow round a vehicle some times as large is
+    the same in its own time.
     """
-    if settings.absorbing_width is not None:
+    if settings.reference_length is not None:
         return settings
-    return replace(settings, absorbing_width=ABSORBING * _length(vehicle))
+    return replace(settings, reference_length=_length(vehicle))
 
 
 def _length(vehicle: Vehicle) -> float:

@@ -25,7 +25,7 @@ BLENDED = 0.7
 HARDLY_OPEN = 0.05
 """Faces less open than this by the solids' walls count less as closed by an edge [-]."""
 BLEND_RATE = 50.0
-"""... at BLEND_RATE [(BLENDED - beta) / beta]^2, beta the area fraction [1/s]."""
+"""... at BLEND_RATE [(BLENDED - beta) / beta]^2, beta the area fraction, at a reference length of 1 m [1/s]."""
 MET = 4.0
 """A wall at an edge is wholly met by water of which one over this of the speed goes through it, partly below [-]."""
 LAYERS = 3
@@ -33,7 +33,7 @@ LAYERS = 3
 REACH = LAYERS + 1
 """Cells round the water whose velocity is kept up."""
 FASTEST_FALL = 3.0
-"""Largest speed at which water too thin to be resolved falls [m/s]."""
+"""Largest speed at which water too thin to be resolved falls, at a reference length of 1 m [m/s]."""
 NO_BED = -2
 """Number of a given bed where there is none; -1 is that of no solid at all."""
 OUTSIDE = np.uint8(255)
@@ -43,7 +43,7 @@ OUTSIDE = np.uint8(255)
 @njit(cache=True, error_model="numpy", parallel=True)
 def extend(
     e: Array, q: Array, cells: WaterCells, area_fractions: AreaFractions, axis: int, far: Array, dt: float,
-    label: NDArray[np.uint8],
+    label: NDArray[np.uint8], fastest_fall: float,
 ) -> None:  # fmt: skip
     """Extend one velocity component `LAYERS` faces into air and solids by averages of known neighbours.
 
@@ -67,6 +67,8 @@ def extend(
         [s]
     label : array, changed
         0 unknown, 1 known, 2 and more extended, `OUTSIDE`.
+    fastest_fall : float
+        Largest speed at which water too thin to be resolved falls [m/s].
     """
     ny, nz, nx = e.shape
     sy, sz = np.uintp(nz * nx), np.uintp(nx)
@@ -120,7 +122,7 @@ def extend(
                 p = np.uintp(i)
                 here, label_here = value[p], mark[p]
                 fallen = here - drop
-                fallen = fallen if fallen > -FASTEST_FALL or axis != 2 else -FASTEST_FALL
+                fallen = fallen if fallen > -fastest_fall or axis != 2 else -fastest_fall
                 alone = fallen if c[p] > 0.0 or c[p - own] > 0.0 else far[j, i - start]
                 value[p] = np.nan if label_here == 0 else here
                 projected = (is_wet[p] | is_wet[p - own]) != 0 and beta[p] > 0.0
@@ -178,6 +180,8 @@ class Blending(NamedTuple):
     """[kg/m^3]"""
     dt: float
     """Step to come [s]"""
+    rate: float
+    """`BLEND_RATE` at the reference length [1/s]"""
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
@@ -187,11 +191,12 @@ def blend(
 ) -> Array:  # fmt: skip
     """Draw small open faces towards the extended velocity without its part through the wall; set closed ones to it.
 
-    u = (u + rate dt u_slip) / (1 + rate dt) with rate = 50 [(0.7 - beta) / beta]^2 1/s, beta the area fraction: a face
-    that is hardly open has hardly any water of its own. What momentum this takes is given to the solid. Where the
-    extension does not reach, nothing changes: fed by its own result, step by step, spray beside a curved wall would
-    gather speed. Only in the wedge between a given bed and what rolls over it, which water leaves by faces hardly open
-    alone, is it drawn towards the walls' own velocity instead: a film that is squeezed sticks to them.
+    u = (u + rate dt u_slip) / (1 + rate dt) with rate = `Blending.rate` [(0.7 - beta) / beta]^2, beta the area
+    fraction: a face that is hardly open has hardly any water of its own. What momentum this takes is given to the
+    solid. Where the extension does not reach, nothing changes: fed by its own result, step by step, spray beside a
+    curved wall would gather speed. Only in the wedge between a given bed and what rolls over it, which water leaves by
+    faces hardly open alone, is it drawn towards the walls' own velocity instead: a film that is squeezed sticks to
+    them.
 
     Faces that a sharp edge closes take what its walls impose, but for the part along the edge: on a wall the solid's
     velocity, half a cell behind it the slip velocity mirrored at that, 2 u_solid - u_slip, as without slip, and
@@ -215,14 +220,14 @@ def blend(
     array, shape (n, 6)
         The slip momentum per second: force [N] and moment [N m] about the solids' origins, grid axes.
     """
-    velocity, extended, wet, density, dt = blending  # parallel loops take no record inside another
+    velocity, extended, wet, density, dt, rate = blending  # parallel loops take no record inside another
     ny = wet.shape[0]
     wrenches = np.zeros((len(solids.regions), 6))
     for n in range(len(solids.regions)):
         rows = np.zeros((ny, 6))
         (j0, j1), _, _ = cells_near(solids.regions, n, wet.shape)
         for j in prange(j0, j1):
-            here = Blending(velocity, extended, wet, density, dt)
+            here = Blending(velocity, extended, wet, density, dt, rate)
             _blend_row(j, n, here, area_fractions, bodies, solids, bed, metrics, rows[j])
         for j in range(ny):
             for m in range(6):
@@ -236,7 +241,7 @@ def _blend_row(
     bed: int, metrics: Metrics, wrench: Array,
 ) -> None:  # fmt: skip
     """Row j of `blend` for solid n."""
-    velocity, extended, wet, density, dt = blending
+    velocity, extended, wet, density, dt, rate = blending
     o, position = area_fractions, solids.position[n]
     d = o.distance
     _, (k0, k1), (i0, i1) = cells_near(solids.regions, n, wet.shape)
@@ -287,7 +292,7 @@ def _blend_row(
                     target = ux if axis == 0 else (uy if axis == 1 else uz)
                 if (wet[j, k, i] or wet[jb, kb, ib]) and beta > 0.0:
                     here = velocity[axis][j, k, i]
-                    strength = dt * BLEND_RATE * ((BLENDED - beta) / beta) ** 2
+                    strength = dt * rate * ((BLENDED - beta) / beta) ** 2
                     change = strength / (1.0 + strength) * (target - here)
                     volume = (
                         (metrics.ex[i] if axis == 0 else metrics.dx[i])

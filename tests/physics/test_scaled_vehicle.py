@@ -69,11 +69,10 @@ def test_a_drive_is_the_same_in_another_size(sand, model):
         np.testing.assert_allclose((bars[1] / LOADS)[known], bars[0][known], rtol=0.1)
 
 
-def test_the_flow_nearly_follows_froudes_law():
-    """A captive run of 0.1 s on coarse cells, the same grid in both sizes: 5 % apart once the first impact is over.
+def test_the_flow_follows_froudes_law():
+    """A captive run of 0.1 s on coarse cells, the same grid in both sizes, first impact and all; 4 and 2 are exact.
 
-    Three constants have dimensions (`BLEND_RATE`, `FASTEST_FALL`, `FlowSettings.void_stiffness`); scaled by hand they
-    gave the same forces to all digits.
+    What has dimensions follows the reference length; viscosity does not, which is too little to be seen here.
     """
     found = []
     grid = vehicle_window(CAR, 0.05, WATER)
@@ -85,9 +84,8 @@ def test_the_flow_nearly_follows_froudes_law():
             settings=FlowSettings(threads=1),
             grid=Grid(size * grid.x_faces, size * grid.y_faces, size * grid.z_faces),
         )  # fmt: skip
-        found.append(run["force"].sel(body="hull").values[-6:] / size**3)
-    for k in (0, 2):
-        assert found[1][:, k] == pytest.approx(found[0][:, k], rel=0.06)
+        found.append(run["force"].sel(body="hull").values / size**3)
+    assert np.abs(found[1] - found[0]).max() < 1e-3 * np.abs(found[0]).max()
 
 
 def test_all_of_a_vehicle_is_scaled():

@@ -2,6 +2,7 @@
 
 import inspect
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -154,9 +155,10 @@ def test_wrong_values_are_refused_with_what_would_do(make, message):
 
 def test_zones_that_absorb_waves_are_in_proportion_to_the_vehicle_unless_their_width_is_given():
     given = FlowSettings(threads=2)
-    assert given.zone_width == 0.6 and settings_round(VEHICLE, given).absorbing_width == 0.6
+    assert given.zone_width == 0.6 and settings_round(VEHICLE, given).zone_width == 0.6
     car = settings_round(small_car(), given)
-    assert car.absorbing_width == car.zone_width == pytest.approx(0.6 * 3.785) and car.threads == 2
+    assert car.zone_width == pytest.approx(0.6 * 3.785) and car.size == pytest.approx(3.785) and car.threads == 2
+    assert settings_round(small_car(), replace(given, reference_length=2.0)).zone_width == 1.2
     assert settings_round(small_car(), FlowSettings(absorbing_width=0.3)).zone_width == 0.3
     grid = vehicle_window(small_car(), 0.1, Water(0.3))
     assert 2.0 * car.zone_width < min(-grid.y_faces[0], grid.x_faces[-1], -grid.x_faces[0]) * 2.0
