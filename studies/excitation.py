@@ -13,6 +13,7 @@ Run: python studies/excitation.py [--jobs 2] [--folder runs/excitation]     (24 
 from __future__ import annotations
 
 import dataclasses
+import math
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -51,9 +52,13 @@ COUNTS = (3, 6)
 """Runs of a set."""
 MOST = {"multisines": 3, "steps": 3}
 """Largest number of runs of these sets; the others have all of `COUNTS`."""
+MIXED = {"half and half": ("lane changes", 0.5), "drives and captive runs": ("drives", 2.0 / 3.0)}
+"""Sets that captive runs complete: what else is in them, and its share."""
 ORDER = ("D60/U1", "D40/U0", "D50/U0", "D40/U1", "D60/U0", "D45/U0.75", "D55/U0.25", "D40/U0.5", "D55/U0.75")
 """The nine lane changes, the first ones at the corners of the range."""
-SETS = ("lane changes", "multisines", "steps", "multisines and steps", "half and half")
+SETS = (
+    "lane changes", "multisines", "steps", "multisines and steps", "half and half", "drives", "drives and captive runs",
+)  # fmt: skip
 UNITS = {"load_error": "1", "captive_load_error": "1", "final_mean": "%", "final_worst": "%", "fitted_final": "%"}
 """What is compared."""
 APART = 2
@@ -101,15 +106,18 @@ def tasks_of(
     }
     for kind in SETS[1:4]:
         kinds[kind] = [captive(task, kind) for task in teachers]
+    drives = [task for task in plan.tasks if isinstance(task, FreeTask) and task.role == "teach"]
+    kinds["drives"] = [dataclasses.replace(task, name=task.name[:9]) for task in drives[:count]]
     return kinds, judges
 
 
 def chosen(kinds: Mapping[str, Sequence[Task]], name: str, count: int) -> list[Task]:
     """The runs of a set."""
-    if name != "half and half":
+    if name not in MIXED:
         return list(kinds[name][:count])
-    half = (count + 1) // 2
-    return [*kinds["lane changes"][:half], *kinds["multisines and steps"][: count - half]]
+    drives, share = MIXED[name]
+    first = math.ceil(share * count)
+    return [*kinds[drives][:first], *kinds["multisines and steps"][: count - first]]
 
 
 def final_errors(

@@ -28,7 +28,6 @@ from exumob.flow.revision import solver_revision
 from exumob.ground.soil import Soil
 from exumob.learning.dataset import SAMPLING, check_geometry, histories, load_run, pack
 from exumob.learning.plan import LONGEST_MACRO_STEP, MICRO_STEP, CaptiveTask, Task
-from exumob.paper.reference_runs import SOIL
 from exumob.simulation.result_files import save_dataset
 from exumob.simulation.run import simulate
 from exumob.support.arrays import Array
@@ -401,7 +400,7 @@ def compute_task(task: Task, vehicle: Vehicle, checkpoint: Path, progress: Calla
         return captive_histories(result, task, vehicle).assign_attrs(more)
     flow = BuiltInFlow(task.cell_size, allow_coarse=True)
     result = simulate(
-        vehicle, Soil.published(SOIL), task.water, task.maneuver, CfdHydrodynamics(flow, progress=progress),
+        vehicle, Soil.published(task.soil), task.water, task.maneuver, CfdHydrodynamics(flow, progress=progress),
         duration=task.duration, micro_step=MICRO_STEP, macro_step=FollowFlow(MICRO_STEP, LONGEST_MACRO_STEP),
         record_step=SAMPLING, checkpoint=checkpoint, resume=True, progress=progress,
     )  # fmt: skip

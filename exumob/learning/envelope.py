@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from exumob.driving.maneuver import ConstantSteer, LaneChange, Maneuver, Recorded, smooth_step
 from exumob.ground.soil import Soil
+from exumob.learning.drives import DURATION, SOILS, showing_drives
 from exumob.learning.plan import LearningRange, nameless
 from exumob.simulation.run import simulate
 from exumob.simulation.settings import time_scale, usual_speed
@@ -38,10 +38,6 @@ from exumob.water.wave_loads import fitted_coefficients
 
 logger = logging.getLogger(__name__)
 
-SOILS = ("Grenville loam 24 %", "LETE sand", "North Gower clayey loam 46 %")
-"""Soils of the drives."""
-DURATION = 6.0
-"""Of a drive, times `time_scale` [s]."""
 RECORD_STEP = 1e-2
 """Interval of the instants that are looked at [s]."""
 TAILS = 0.01
@@ -52,10 +48,6 @@ coefficients that were calibrated on other vehicles know little of how this one 
 LEAST = {"speed": 0.1, "sway": 0.05, "yaw_rate": 0.1, "slip": 0.05, "steering": 0.1, "pitch": 0.01, "roll": 0.01}
 """Least half widths, over the usual speed, the usual speed over the wheelbase, or as they are [rad]; those of heave and
 sinkage are a fiftieth of the tyre's diameter."""
-REVERSING = -0.5
-"""Speed of the tread in reverse, over the usual one [-]."""
-STEERING = math.radians(30.0)
-"""Largest angle of the front wheels, if the vehicle can steer as far [rad]."""
 RATE_MARGIN, LEAST_RATE = 2.0, 0.1
 """Largest rates over those of the drives [-]; the least over half the range, times `time_scale` [1/s]."""
 FASTER = 2.0
@@ -83,7 +75,7 @@ def envelope_of(
     """
     cases = [(soil, water) for soil in SOILS for water in waters]
     found: list[tuple[Array, Array]] = []
-    choice = drives(vehicle)
+    choice = showing_drives(vehicle)
     for n, (soil, water) in enumerate(cases):
         maneuver = choice[(n + n // len(choice)) % len(choice)]
         try:
@@ -114,20 +106,6 @@ def _quiet() -> Iterator[None]:
         yield
     finally:
         package.setLevel(before)
-
-
-def drives(vehicle: Vehicle) -> list[Maneuver]:
-    """Return the maneuvers of the drives, in the times that suit the vehicle."""
-    unit, spin = time_scale(vehicle), usual_speed(vehicle) / vehicle.wheel.radius
-    angle = min(STEERING, vehicle.steering.limit)
-    times = np.linspace(0.0, DURATION, 61)
-    going = np.array([smooth_step(t)[0] - smooth_step(t - 0.5 * DURATION)[0] for t in times])
-    return [
-        LaneChange(angle, 1.5 * unit, 5.0 * unit, spin, unit),
-        Recorded(unit * times, 0.0 * times, spin * going),
-        ConstantSteer(-0.7 * angle, spin, unit),
-        ConstantSteer(0.3 * angle, REVERSING * spin, unit),
-    ]
 
 
 def channels_of(run: xr.Dataset, vehicle: Vehicle) -> tuple[Array, Array]:

@@ -1,10 +1,11 @@
 """Which runs teach networks the water's loads on a vehicle, and what they take: planned before anything is computed.
 
-Captive runs in which everything moves at once (`exumob.towing_tank.excitation`) are the teachers. One in five is kept
-apart: no network learns from it or is chosen by it. A few free runs, the vehicle driving with the flow in the loop, are
-kept apart as well, to see where drives with the networks end. The number of a run says all of it, whatever the budget
-is: a larger budget adds runs to those of a smaller one. Depth and current stay the same in a run, as the flow solver
-knows one level and one uniform current; over the runs they fill their ranges evenly.
+Teachers are drives with the flow in the loop, over three soils, in which speed and steering change all the time
+(`exumob.learning.drives`), and one captive run for every three of them, in which everything moves at once
+(`exumob.towing_tank.excitation`): drives teach what drives are like, captive runs what else may come. A few captive
+runs and drives are kept apart: no network learns from them or is chosen by them. The number of a run says all of it,
+whatever the budget is: a larger budget adds runs to those of a smaller one. Depth and current stay the same in a run,
+as the flow solver knows one level and one uniform current; over the runs they fill their ranges evenly.
 """
 
 from __future__ import annotations
@@ -18,14 +19,16 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from exumob.driving.maneuver import ConstantSteer, LaneChange, Maneuver
+from exumob.driving.maneuver import LaneChange, Maneuver
 from exumob.flow import FlowSettings
 from exumob.flow.cost import COURANT_FACTOR, FlowCost, flow_cost
 from exumob.flow.grid import CELL_SIZE
 from exumob.flow.resolution import lengths_in_cells
 from exumob.flow.vehicle_window import vehicle_window
 from exumob.learning.cost import seed_time
+from exumob.learning.drives import FASTEST, SOILS, judging_drives, maneuver_name, teaching_drive
 from exumob.learning.presets import BEST, PRESETS, Preset
+from exumob.paper.reference_runs import SOIL
 from exumob.simulation.cost import REPEATED, driving_time
 from exumob.simulation.settings import time_scale, usual_speed
 from exumob.support.cost import cores, spelled_size, spelled_time
@@ -45,26 +48,28 @@ BUDGET = Quantity("h", above=0.0, at_most=1e6)
 USUAL_BUDGET = 12.0
 """Budget that is taken if none is given, or what the least runs of a vehicle take where that is more [h]."""
 CORNERS = ((0.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.5), (1.0, 0.0, 0.0))
-"""Shares of the ranges of depth, current and its direction in the first captive runs, which are never kept apart: the
-fastest current comes from ahead, where most drives are, and from behind."""
+"""Shares of the ranges of depth, current and its direction in the first runs of each kind that teach: the fastest
+current comes from ahead, where most drives are, and from behind."""
 APART = 5
 """One captive run in so many is kept apart: the last of each group."""
-CAPTIVE_TIME, RAMP = 8.0, 1.0
-"""Duration of a captive run and of its ramp, times `time_scale` [s]."""
-FREE_SHARE = 0.2
-"""Part of the budget for free runs."""
-MOST_FREE, MOST_CAPTIVE = 6, 1000
-"""Most runs of each kind that are planned."""
+LEAST_DRIVES, DRIVES_A_ROUND = 4, 3
+"""Drives that teach at least, and those that are added for each captive run."""
+RUN_TIME, RAMP = 8.0, 1.0
+"""Duration of a run that teaches and of a captive run's ramp, times `time_scale` [s]."""
+APART_SHARE = 0.2
+"""Part of the budget for drives that are kept apart."""
+MOST_APART, MOST_TEACHING = 6, 1000
+"""Most drives that are kept apart, and most runs that teach."""
 INTERVALS = (10e-3, 5e-3, 4e-3, 2.5e-3, 2e-3, 1.5e-3, 1.25e-3, 1e-3)
 """Intervals of the loads of captive runs [s]: the longest one that the flow goes through in one step is taken."""
 MICRO_STEP, LONGEST_MACRO_STEP = 5e-4, 4e-3
-"""Steps of the free runs [s]; the macro steps follow the flow."""
+"""Steps of the drives [s]; the macro steps follow the flow."""
 TOO_FAST = 3.0
 """Highest frequency in captive runs over that of the drives above which a plan says so [-]."""
 ADVANCES = 1.1
 """How often the flow goes through a macro step, on average [-]."""
 SPIN_UP = 2.0
-"""Time of the flow before the release of a free run [s]."""
+"""Time of the flow before the release of a drive [s]."""
 
 
 @dataclass(frozen=True)
@@ -144,16 +149,19 @@ class CaptiveTask:
 
 @dataclass(frozen=True)
 class FreeTask:
-    """A drive with the flow in the loop, kept apart."""
+    """A drive with the flow in the loop."""
 
     name: str
-    role: Literal["apart"]
+    role: Literal["teach", "apart"]
+    """As of a captive run"""
     water: Water
     maneuver: Maneuver
     duration: float
     """Simulated time after the release [s]"""
     cell_size: float
     cost: FlowCost
+    soil: str = SOIL
+    """Published soil"""
 
 
 Task = CaptiveTask | FreeTask
@@ -179,7 +187,7 @@ class LearningPlan:
 
     @property
     def simulated(self) -> float:
-        """Simulated time of all runs, without the spin-up of the free ones [s]."""
+        """Simulated time of all runs, without the spin-up of the drives [s]."""
         return sum(task.duration for task in self.tasks)
 
     @property
@@ -204,7 +212,7 @@ class LearningPlan:
         (low, high), (slow, fast) = wanted.depths(car), wanted.currents(car)
         captive = [t for t in self.tasks if isinstance(t, CaptiveTask)]
         free = [t for t in self.tasks if isinstance(t, FreeTask)]
-        apart = sum(t.role == "apart" for t in captive)
+        apart = [sum(t.role == "apart" for t in tasks) for tasks in (free, captive)]
         most = max(self.tasks, key=lambda task: task.cost.memory)
         slower, fastest = captive[0].motion.highest_frequencies()
         hurried = (
@@ -233,16 +241,16 @@ class LearningPlan:
                 "networks learn that"
             )
         found.append(
-            f"runs      {len(captive)} captive of {captive[0].duration:g} s ({apart} kept apart), {len(free)} free "
-            f"(kept apart): {self.simulated:.0f} s in all"
-            + (f"; more than {MOST_CAPTIVE} captive ones are not planned" if len(captive) >= MOST_CAPTIVE else "")
+            f"runs      {len(free)} drives ({apart[0]} kept apart) and {len(captive)} captive ones ({apart[1]} kept "
+            f"apart) of up to {captive[0].duration:g} s: {self.simulated:.0f} s in all"
+            + (f"; more than {MOST_TEACHING} are not planned" if len(self.tasks) >= MOST_TEACHING else "")
         )
         found += [
             f"          {task.name}: {_described(task, car)}; {task.cost.cells:,.0f} cells, {task.cost.steps:,.0f} "
             f"steps, {spelled_time(task.cost.seconds)} of a core" for task in self.tasks[:LISTED]
         ]  # fmt: skip
         if (more := len(self.tasks) - LISTED) > 0:
-            found.append(f"          and {more} more captive one{'s' if more > 1 else ''}")
+            found.append(f"          and {more} more")
         side_by_side = max(min(jobs, cores()), 1)
         total = self.core_hours + self.training_hours
         found.append(
@@ -270,17 +278,11 @@ def _described(task: Task, vehicle: Vehicle) -> str:
     side = " from ahead" if abs(angle) < 0.5 else " from behind" if abs(angle) > 179.5 else side
     where = f"depth {water.uniform_depth / vehicle.wheel.diameter:.2f}, current {water.current_speed:.2f} m/s"
     where += side if water.current_speed > 0.0 else ""
+    apart = "; kept apart" if task.role == "apart" else ""
     if isinstance(task, FreeTask):
-        return f"{maneuver_name(task.maneuver)}, {task.duration:g} s, {where}; kept apart"
+        return f"{maneuver_name(task.maneuver)}, {task.duration:.3g} s on {task.soil}, {where}{apart}"
     speeds = ", ".join(f"{v:.2f}" for v in task.motion.speeds)
-    return f"{task.duration:g} s, {where}, speeds {speeds} m/s{'; kept apart' if task.role == 'apart' else ''}"
-
-
-def maneuver_name(maneuver: Maneuver) -> str:
-    """Return a name of a free run's maneuver."""
-    if isinstance(maneuver, LaneChange):
-        return "lane change"
-    return "straight" if isinstance(maneuver, ConstantSteer) and maneuver.angle == 0.0 else "circle"
+    return f"{task.duration:g} s, {where}, speeds {speeds} m/s{apart}"
 
 
 @checked
@@ -312,7 +314,7 @@ def make_plan(  # each argument is a choice of its own
     preset : Preset
         What is trained. Default: as the networks that come with exumob.
     run_time : float, optional
-        Duration of a captive run [s]. Default: `CAPTIVE_TIME` times `time_scale`; free runs in proportion.
+        Duration of a run that teaches [s]. Default: `RUN_TIME` times `time_scale`; drives kept apart in proportion.
 
     Raises
     ------
@@ -325,15 +327,17 @@ def make_plan(  # each argument is a choice of its own
             f"make_plan.run_time = {run_time:.9g} s must be a whole number of milliseconds; give "
             f"{round(run_time, 3):g} s, say."
         )
-    usual = CAPTIVE_TIME * time_scale(vehicle)
+    usual = RUN_TIME * time_scale(vehicle)
     part = 1.0 if run_time is None else run_time / usual
     duration = max(round(10.0 * part * usual), 1) / 10.0 if run_time is None else run_time
     costs = _Costs(vehicle, cell_size)
-    captive = _captive(vehicle, wanted, envelope, duration, costs)
-    free = _free(vehicle, wanted, part, costs)
-    first = [next(captive) for _ in range(APART)]
-    one_free = next(free)
-    chosen: list[Task] = [*first, one_free]
+    drives, judges = _teaching(vehicle, wanted, duration, costs), _judging(vehicle, wanted, part, costs)
+    captive, captive_apart = itertools.tee(_captive(vehicle, wanted, envelope, duration, costs))
+    captive = (task for task in captive if task.role == "teach")
+    captive_apart = (task for task in captive_apart if task.role == "apart")
+    chosen: list[Task] = [
+        *itertools.islice(drives, LEAST_DRIVES), next(captive), next(captive_apart), next(judges)
+    ]  # fmt: skip
 
     def price(tasks: list[Task]) -> float:
         return (sum(task.cost.seconds for task in tasks) + _training(tasks, preset, seeds)) / 3600.0
@@ -342,23 +346,21 @@ def make_plan(  # each argument is a choice of its own
         budget = max(USUAL_BUDGET, math.ceil(price(chosen)))
     if price(chosen) > budget:
         _refuse_budget(chosen, price(chosen), budget, cell_size)
-    for task in itertools.islice(free, MOST_FREE - 1):
-        if (
-            sum(t.cost.seconds for t in chosen if isinstance(t, FreeTask)) + task.cost.seconds
-            > (FREE_SHARE * 3600.0 * budget)
-            or price([*chosen, task]) > budget
-        ):
+    spent = chosen[-1].cost.seconds
+    for judge in itertools.islice(judges, MOST_APART - 1):
+        spent += judge.cost.seconds
+        if spent > APART_SHARE * 3600.0 * budget or price([*chosen, judge]) > budget:
             break
-        chosen.append(task)
+        chosen.append(judge)
     left = budget - price(chosen)
-    for teacher in itertools.islice(captive, MOST_CAPTIVE - APART):
-        left -= price([teacher])
+    for task in itertools.islice(_rounds(drives, captive, captive_apart), MOST_TEACHING - len(chosen)):
+        left -= price([task])
         if left < 0.0:
             break
-        chosen.append(teacher)
+        chosen.append(task)
     limit = vehicle.steering.limit
     angles = [m[0] for command in (-limit, limit) for m in vehicle.steering_angles((command, 0.0, 0.0))]
-    grid = vehicle_window(vehicle, cell_size, first[0].water)
+    grid = vehicle_window(vehicle, cell_size, chosen[0].water)
     resolved, lost = lengths_in_cells(vehicle, grid, (min(angles), max(angles)))
     return LearningPlan(
         vehicle, wanted, envelope, cell_size, budget, seeds, preset, tuple(chosen), tuple(resolved), tuple(lost)
@@ -453,33 +455,52 @@ def _divides(step: float, duration: float) -> bool:
     return abs(duration / step - round(duration / step)) < 1e-6
 
 
-def _free(vehicle: Vehicle, wanted: LearningRange, part: float, costs: _Costs) -> Iterator[FreeTask]:
-    """Free runs one after the other: lane change, circle, straight ahead, in water within the ranges."""
-    unit, tread = time_scale(vehicle), usual_speed(vehicle)
-    spin, angle = tread / vehicle.wheel.radius, min(math.radians(30.0), vehicle.steering.limit)
-    maneuvers: list[tuple[Maneuver, float]] = [
-        (LaneChange(angle, 1.5 * unit * part, 5.0 * unit * part, spin, unit * part), 6.0),
-        (ConstantSteer(-0.6 * angle, spin, unit * part), 5.0),
-        (ConstantSteer(0.0, spin, unit * part), 4.0),
-    ]
+def _rounds(drives: Iterator[FreeTask], captive: Iterator[CaptiveTask], apart: Iterator[CaptiveTask]) -> Iterator[Task]:
+    """What a larger budget adds, without end: some drives, a captive run; after some captive runs one kept apart."""
+    for number in itertools.count(1):
+        yield from itertools.islice(drives, DRIVES_A_ROUND)
+        yield next(captive)
+        if number % (APART - 1) == 0:
+            yield next(apart)
+
+
+def _teaching(vehicle: Vehicle, wanted: LearningRange, duration: float, costs: _Costs) -> Iterator[FreeTask]:
+    """Drives that teach one after the other, without end, over soils from firm to soft."""
     for number in itertools.count():
-        depth, current, side = (0.5, 0.5, 0.0) if number == 0 else _shares(500 + number, 3)
-        water = wanted.water(vehicle, depth, current, side)
-        maneuver, time = maneuvers[number % len(maneuvers)]
-        if number >= len(maneuvers) and isinstance(maneuver, LaneChange):
+        shares = CORNERS[number] if number < len(CORNERS) else _shares(1000 + number, 3)
+        water, maneuver = wanted.water(vehicle, *shares), teaching_drive(vehicle, number, duration)
+        soil = SOILS[(number + number // len(SOILS)) % len(SOILS)]
+        yield _drive("drive", number, "teach", (water, maneuver, duration, soil), costs)
+
+
+def _judging(vehicle: Vehicle, wanted: LearningRange, part: float, costs: _Costs) -> Iterator[FreeTask]:
+    """Drives kept apart one after the other, without end: lane change, circle, straight ahead."""
+    choice = judging_drives(vehicle, part)
+    for number in itertools.count():
+        shares = (0.5, 0.5, 0.0) if number == 0 else _shares(500 + number, 3)
+        maneuver, time = choice[number % len(choice)]
+        if number >= len(choice) and isinstance(maneuver, LaneChange):
             maneuver = replace(maneuver, amplitude=-maneuver.amplitude)
-        duration = max(round(10.0 * time * unit * part), 1) / 10.0
-        speed = tread + water.current_speed
-        macro_step = min(max(costs.longest_step(water, speed), MICRO_STEP), LONGEST_MACRO_STEP)
-        held = costs.flow(water, max(water.current_speed, 1e-3), SPIN_UP, 4e-3)
-        driven = costs.flow(water, speed, duration, macro_step)
-        cost = replace(
-            driven, steps=held.steps + ADVANCES * driven.steps,
-            seconds=held.seconds + ADVANCES * driven.seconds
-            + REPEATED * driving_time(duration, MICRO_STEP, macro_step),
-        )  # fmt: skip
-        name = _name("free", number, vehicle, [water, maneuver, costs.cell_size, duration])
-        yield FreeTask(name, "apart", water, maneuver, duration, costs.cell_size, cost)
+        duration = max(round(10.0 * time), 1) / 10.0
+        yield _drive("free", number, "apart", (wanted.water(vehicle, *shares), maneuver, duration, SOIL), costs)
+
+
+def _drive(
+    kind: str, number: int, role: Literal["teach", "apart"], what: tuple[Water, Maneuver, float, str], costs: _Costs
+) -> FreeTask:
+    """A drive of some kind and number: through a water, by a maneuver, for some time [s], on a soil."""
+    water, maneuver, duration, soil = what
+    speed = (FASTEST if role == "teach" else 1.0) * usual_speed(costs.vehicle) + water.current_speed
+    macro_step = min(max(costs.longest_step(water, speed), MICRO_STEP), LONGEST_MACRO_STEP)
+    held = costs.flow(water, max(water.current_speed, 1e-3), SPIN_UP, 4e-3)
+    driven = costs.flow(water, speed, duration, macro_step)
+    cost = replace(
+        driven, steps=held.steps + ADVANCES * driven.steps,
+        seconds=held.seconds + ADVANCES * driven.seconds
+        + REPEATED * driving_time(duration, MICRO_STEP, macro_step),
+    )  # fmt: skip
+    name = _name(kind, number, costs.vehicle, [water, maneuver, costs.cell_size, duration, soil])
+    return FreeTask(name, role, water, maneuver, duration, costs.cell_size, cost, soil)
 
 
 def nameless(vehicle: Vehicle) -> Vehicle:

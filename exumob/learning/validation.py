@@ -13,9 +13,10 @@ import xarray as xr
 
 from exumob.ground.soil import Soil
 from exumob.learning.dataset import base_loads, least_loads, usable, water_of
+from exumob.learning.drives import maneuver_name
 from exumob.learning.error_bars import error_bars, fitted_floor, share_within
 from exumob.learning.evaluation import THINNING, closed_loop, coefficient_loads, predicted_loads
-from exumob.learning.plan import FreeTask, LearningPlan, maneuver_name
+from exumob.learning.plan import FreeTask, LearningPlan
 from exumob.paper.reference_runs import SOIL
 from exumob.simulation.run import simulate
 from exumob.simulation.summary import range_shares
@@ -181,7 +182,7 @@ def _drive(members: Sequence[NetworkSet], task: FreeTask, vehicle: Vehicle, refe
     for name, model in models.items():
         try:
             run = simulate(
-                vehicle, Soil.published(SOIL), task.water, task.maneuver, model, duration=task.duration,
+                vehicle, Soil.published(task.soil), task.water, task.maneuver, model, duration=task.duration,
                 record_step=10e-3,
             )  # fmt: skip
         except SimulationError as error:
