@@ -474,7 +474,7 @@ def _teaching(vehicle: Vehicle, wanted: LearningRange, duration: float, costs: _
 
 
 def _judging(vehicle: Vehicle, wanted: LearningRange, part: float, costs: _Costs) -> Iterator[FreeTask]:
-    """Drives kept apart one after the other, without end: lane change, circle, straight ahead."""
+    """Drives kept apart one after the other, without end: lane change, circle, straight ahead, each on a soil."""
     choice = judging_drives(vehicle, part)
     for number in itertools.count():
         shares = (0.5, 0.5, 0.0) if number == 0 else _shares(500 + number, 3)
@@ -482,7 +482,8 @@ def _judging(vehicle: Vehicle, wanted: LearningRange, part: float, costs: _Costs
         if number >= len(choice) and isinstance(maneuver, LaneChange):
             maneuver = replace(maneuver, amplitude=-maneuver.amplitude)
         duration = max(round(10.0 * time), 1) / 10.0
-        yield _drive("free", number, "apart", (wanted.water(vehicle, *shares), maneuver, duration, SOIL), costs)
+        soil = SOILS[(number + 1 + number // len(SOILS)) % len(SOILS)]
+        yield _drive("free", number, "apart", (wanted.water(vehicle, *shares), maneuver, duration, soil), costs)
 
 
 def _drive(

@@ -138,11 +138,11 @@ def _draw_range(c: CardContents) -> Figure:
     )
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, 4, figsize=(12.0, 3.0), layout="constrained")
-        free = {task.name for task in c.plan.tasks if isinstance(task, FreeTask)}
+        free = {task.name for task in c.plan.tasks if isinstance(task, FreeTask) and task.role == "apart"}
         kinds = (
             ("to learn from", "o", "C0", c.taught),
             ("captive, apart", "s", "C1", {n: run for n, run in c.apart.items() if n not in free}),
-            ("free, apart", "^", "C2", {n: run for n, run in c.apart.items() if n in free}),
+            ("drives, apart", "^", "C2", {n: run for n, run in c.apart.items() if n in free}),
         )
         for label, marker, color, runs in kinds:
             waters = [water_of(run) for run in runs.values()]
@@ -210,10 +210,9 @@ def _draw_loads(c: CardContents) -> Figure:
 
 def _drive_text(c: CardContents) -> str:
     text = (
-        "The vehicle drives on "
-        + str(c.figures["soil"])
-        + " with the networks (steps of the setting fast) and with the "
+        "The vehicle drives with the networks (steps of the setting fast), with the "
         + compared_with(c.figures)
+        + (", and with the calibrated coefficients that come with exumob" if c.figures["rests"] else "")
         + "; its path is compared with that of the run with the flow in the loop, over the length of that path."
     )
     return f"<p>{html.escape(text)}</p>"
@@ -221,7 +220,7 @@ def _drive_text(c: CardContents) -> str:
 
 def _drive_table(c: CardContents) -> str:
     if not c.drives:
-        return "<p>None: the free runs broke down, or there is none yet.</p>"
+        return "<p>None: the drives with the flow in the loop broke down, or there is none yet.</p>"
     rows = []
     for one in c.drives:
 
@@ -229,19 +228,25 @@ def _drive_table(c: CardContents) -> str:
             return "-" if measures is None else format(measures[name], digits)
 
         cells = [
-            f"{one.maneuver}", f"{one.duration:g}", f"{one.depth_ratio:.2f}", f"{one.current:.2f}",
+            f"{one.maneuver}", one.soil, f"{one.duration:g}", f"{one.depth_ratio:.2f}", f"{one.current:.2f}",
             figure(one.networks, "path"),
             f"<b>{figure(one.networks, 'final')}</b>", figure(one.networks, "yaw"),
-            figure(one.coefficients, "final"), f"{100.0 * one.outside:.0f}", f"{100.0 * one.fallback:.0f}",
+            figure(one.coefficients, "final"), figure(one.calibrated, "final"), f"{100.0 * one.outside:.0f}",
+            f"{100.0 * one.fallback:.0f}",
         ]  # fmt: skip
         rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
-    heads = ("drive", "time [s]", "depth ratio", "current [m/s]", "path, rms [%]", "end [%]", "yaw, rms [deg]",
-             "end, coefficients [%]", "outside range [% of time]", "coefficients' share [%]")  # fmt: skip
+    heads = (
+        "drive", "soil", "time [s]", "depth ratio", "current [m/s]", "path, rms [%]", "end [%]", "yaw, rms [deg]",
+        "end, these coefficients [%]", "end, calibrated [%]", "outside range [% of time]", "coefficients' share [%]",
+    )  # fmt: skip
     return f"<table><tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>{''.join(rows)}</table>"
 
 
 def _draw_paths(c: CardContents) -> Figure:
-    styles = {"flow in the loop": ("k", 1.6), "networks": ("C0", 1.4), "coefficients": ("0.6", 1.0)}
+    styles = {
+        "flow in the loop": ("k", 1.6), "networks": ("C0", 1.4), "coefficients": ("0.6", 1.0),
+        "calibrated": ("C1", 1.0),
+    }  # fmt: skip
     with plt.rc_context(STYLE):
         figure, panels = plt.subplots(
             1, len(c.drives), figsize=(max(3.6 * len(c.drives), 5.0), 3.4), squeeze=False, layout="constrained"
@@ -305,7 +310,7 @@ def unknown(c: CardContents) -> list[str]:
         + {"ahead": " or from any side but ahead", "along": " or from the sides", "all": ""}[f["directions"]]
         + ": the calibrated coefficients take over there.",
         "Beds that are not level, waves, and water whose depth or current changes in time or along the vehicle.",
-        f"Other soils in closed loop: all drives above were on {f['soil']}.",
+        f"Other soils in closed loop: all drives above were on {', '.join(f['soils']) or 'none'}.",
         "This vehicle with another mass or suspension"
         + (f", and drives longer than {max(one.duration for one in c.drives):g} s." if c.drives else "."),
         "Motions beyond the envelope of the drives that it came from (the figure above shows what was met).",

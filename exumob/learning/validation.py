@@ -17,7 +17,6 @@ from exumob.learning.drives import maneuver_name
 from exumob.learning.error_bars import error_bars, fitted_floor, share_within
 from exumob.learning.evaluation import THINNING, closed_loop, coefficient_loads, predicted_loads
 from exumob.learning.plan import FreeTask, LearningPlan
-from exumob.paper.reference_runs import SOIL
 from exumob.simulation.run import simulate
 from exumob.simulation.summary import range_shares
 from exumob.support.arrays import Array
@@ -133,10 +132,11 @@ def load_errors(compared: Mapping[str, Compared], vehicle: Vehicle) -> xr.Datase
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive with networks and one with the coefficients that they rest on, beside that with the flow in the loop."""
+    """A drive with networks, with their coefficients and with exumob's own, beside that with the flow in the loop."""
 
     name: str
     maneuver: str
+    soil: str
     depth_ratio: float
     current: float
     """[m/s]"""
@@ -145,6 +145,9 @@ class Drive:
     networks: dict[str, float] | None
     """Measures of `exumob.learning.evaluation.closed_loop`; None: it broke down"""
     coefficients: dict[str, float] | None
+    """The same with the coefficients that the networks rest on"""
+    calibrated: dict[str, float] | None
+    """The same with the calibrated coefficients that come with exumob"""
     outside: float
     """Share of the time outside the range of the networks [-]"""
     fallback: float
@@ -176,6 +179,7 @@ def _drive(members: Sequence[NetworkSet], task: FreeTask, vehicle: Vehicle, refe
     models: dict[str, Hydrodynamics] = {
         "networks": SurrogateHydrodynamics(list(members)),
         "coefficients": CalibratedHydrodynamics(waves=members[0].waves),
+        "calibrated": CalibratedHydrodynamics(),
     }  # fmt: skip
     measures: dict[str, dict[str, float] | None] = {}
     shares: dict[str, float] = {}
@@ -194,8 +198,8 @@ def _drive(members: Sequence[NetworkSet], task: FreeTask, vehicle: Vehicle, refe
         if name == "networks":
             shares = range_shares(run)
     return Drive(
-        task.name, maneuver_name(task.maneuver), task.water.uniform_depth / vehicle.wheel.diameter,
-        task.water.current_speed, task.duration, measures["networks"], measures["coefficients"],
+        task.name, maneuver_name(task.maneuver), task.soil, task.water.uniform_depth / vehicle.wheel.diameter,
+        task.water.current_speed, task.duration, measures["networks"], measures["coefficients"], measures["calibrated"],
         shares.get("out_of_range_share", math.nan), shares.get("fallback_share", math.nan), paths,
     )  # fmt: skip
 
@@ -216,10 +220,15 @@ def shortfall(figures: Mapping[str, Any]) -> str:
     worse = []
     if figures["load_error"] >= BETTER * figures["coefficients_load_error"]:
         worse.append("in the loads")
-    both = [(one["end"], one["coefficients_end"]) for one in figures["drives"] if one["coefficients_end"] is not None]
-    if both and sum(end for end, _ in both) >= BETTER * sum(other for _, other in both):
+    if _no_better(figures["drives"], "coefficients_end"):
         worse.append("in where drives end")
     if not worse:
+        if figures["rests"] and _no_better(figures["drives"], "calibrated_end"):
+            return (
+                "These networks end drives no better than the calibrated coefficients that come with exumob: drive "
+                "with --hydrodynamics calibrated and without --networks, or give the same command a larger --budget, "
+                "which adds runs to those there are."
+            )
         return ""
     instead = "add" if figures["rests"] else "without --networks:"
     return (
@@ -227,6 +236,12 @@ def shortfall(figures: Mapping[str, Any]) -> str:
         f"({instead} --hydrodynamics calibrated), or give the same command a larger --budget, which adds runs to those "
         "there are."
     )
+
+
+def _no_better(drives: Sequence[Mapping[str, Any]], other: str) -> bool:
+    """Whether drives with networks end no nearer to those with the flow than others do."""
+    both = [(one["end"], one[other]) for one in drives if one.get(other) is not None]
+    return bool(both) and sum(end for end, _ in both) >= BETTER * sum(end for _, end in both)
 
 
 def compared_with(figures: Mapping[str, Any]) -> str:
@@ -261,6 +276,7 @@ def card_figures(
         {
             "name": one.name, "maneuver": one.maneuver, "end": one.networks["final"] / 100.0,
             "coefficients_end": one.coefficients["final"] / 100.0 if one.coefficients else None,
+            "calibrated_end": one.calibrated["final"] / 100.0 if one.calibrated else None,
             "depth_ratio": one.depth_ratio, "current_speed": one.current, "duration": one.duration,
             "outside": one.outside, "fallback": one.fallback,
         }
@@ -277,6 +293,7 @@ def card_figures(
         "width": float((errors["bars"] / errors["deviation"]).mean()),
         "load_floor": [[float(f"{value:.4g}") for value in row] for row in errors["floor"].values],
         "depth_ratio": [min(ratios), max(ratios)],
-        "current_speed": [min(speeds), max(speeds)], "directions": plan.range.directions, "soil": SOIL,
+        "current_speed": [min(speeds), max(speeds)], "directions": plan.range.directions,
+        "soils": sorted({one.soil for one in drives if one.networks is not None}),
         "drives": measured, "drives_failed": len(drives) - len(measured), "lost": list(plan.lost),
     }  # fmt: skip

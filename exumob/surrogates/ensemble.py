@@ -151,7 +151,9 @@ def _whole(card: dict[str, Any]) -> bool:
             isinstance(one, dict) and number(one.get("end")) and number(one.get("duration")) for one in card["drives"]
         )
         and isinstance(card.get("parameters"), dict)
-        and all(isinstance(card.get(name), str) for name in ("directions", "soil", "vehicle", "worst_load"))
+        and isinstance(card.get("soils"), list)
+        and all(isinstance(soil, str) for soil in card["soils"])
+        and all(isinstance(card.get(name), str) for name in ("directions", "vehicle", "worst_load"))
     )
 
 

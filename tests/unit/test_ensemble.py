@@ -30,7 +30,7 @@ CARD = {
     "vehicle": "amphibious", "parameters": card_parameters(CAR), "members": 3,
     "cell_size": 0.02, "runs": 4, "seconds": 90.0, "load_error": 0.31,
     "coefficients_load_error": 0.9, "worst_load": "hull Fz 0.71", "inside": 0.62, "depth_ratio": [0.2, 0.9],
-    "current_speed": [0.0, 1.5], "directions": "along", "soil": "LETE sand", "lost": [], "drives_failed": 0,
+    "current_speed": [0.0, 1.5], "directions": "along", "soils": ["LETE sand"], "lost": [], "drives_failed": 0,
     "drives": [
         {"name": "a", "maneuver": "lane change", "duration": 8.0, "end": 0.012, "outside": 0.1, "fallback": 0.01},
         {"name": "b", "maneuver": "straight", "duration": 4.0, "end": -0.034, "outside": 0.0, "fallback": 0.0},

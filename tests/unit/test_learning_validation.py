@@ -52,11 +52,20 @@ def test_networks_no_better_than_coefficients_are_called_so(loads, ends, said):
     assert not said or "than the calibrated coefficients: drive with these (without --networks" in text
 
 
+def test_networks_no_better_than_exumobs_own_coefficients_are_called_so():
+    """Coefficients fitted to few runs may be far worse than those that come with exumob; to be better is no praise."""
+    one = {"end": 0.02, "coefficients_end": 0.08, "calibrated_end": 0.015}
+    figures = {"rests": True, "load_error": 0.4, "coefficients_load_error": 0.6, "drives": [one]}
+    assert "that come with exumob: drive with --hydrodynamics calibrated and without --networks" in shortfall(figures)
+    assert not shortfall(figures | {"drives": [one | {"calibrated_end": 0.05}]})
+    assert not shortfall(figures | {"drives": [one | {"calibrated_end": None}]})  # that drive broke down
+
+
 def test_the_card_says_what_networks_do_not_know():
     def listed(*versions):
         contents = SimpleNamespace(
             figures={
-                "depth_ratio": [0.2, 0.9], "current_speed": [0.0, 1.5], "directions": "ahead", "soil": "LETE sand",
+                "depth_ratio": [0.2, 0.9], "current_speed": [0.0, 1.5], "directions": "ahead", "soils": ["LETE sand"],
                 "drives_failed": 0, "runs": 9,
             },
             plan=SimpleNamespace(lost=("a gap",), preset=PRESETS["residual"]), failed={"free_001": "it sank"},

@@ -144,8 +144,8 @@ def _card_departures(
     model = run.hydrodynamics
     yield from _water_departures(run, card, TRAINED_DENSITY, met, str(card["directions"]))
     yield from _coupling_departures(run)
-    if not is_published_as(run.soil, card["soil"]):
-        yield Departure("soil", (run.soil.name or "of your own",), card["soil"])
+    if not any(is_published_as(run.soil, soil) for soil in card["soils"]):
+        yield Departure("soil", (run.soil.name or "of your own",), ", ".join(card["soils"]))
     if not run.terrain.is_flat:
         yield Departure("terrain", ("not flat",), "flat")
     yield from _vehicle_departures(run.vehicle, card["parameters"])
