@@ -34,8 +34,8 @@ HIGHEST = 0.6
 """Highest frequency of its steering, times `time_scale` [Hz]."""
 TURNING = 0.4
 """Largest constant part of its steering, over the largest angle [-]."""
-SAMPLE = 0.1
-"""Interval between the samples of a recorded maneuver, times `time_scale` [s]."""
+SAMPLE, LEAST_SAMPLES = 0.1, 80
+"""Interval between the samples of its maneuver, times `time_scale` [s], and how many there are at least."""
 DRAW = 20261130
 """Seed from which the random parts of all drives that teach are drawn, with the number of the drive."""
 
@@ -67,7 +67,7 @@ def teaching_drive(vehicle: Vehicle, number: int, duration: float) -> Recorded:
     unit, spin, angle = _scales(vehicle)
     random = np.random.default_rng([DRAW, number])
     fastest, share, turning = random.uniform([SLOWEST, 0.5, -TURNING], [FASTEST, 1.0, TURNING])
-    count = max(round(duration / (SAMPLE * unit)), 12)
+    count = max(round(duration / (SAMPLE * unit)), LEAST_SAMPLES)
     time = np.linspace(0.0, duration, count + 1)
     part = time / duration
     ramp = min(unit / duration, 0.2)
