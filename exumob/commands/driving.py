@@ -22,7 +22,7 @@ from exumob.commands.options import (
 )
 from exumob.commands.report import report_run
 from exumob.commands.shared import check_targets, errors, fail, simulated_time_bar, whatever_was_computed
-from exumob.simulation.settings import SETTINGS
+from exumob.simulation.settings import RECORD_STEP, SETTINGS, setting_named
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -158,6 +158,15 @@ class RunOptions:
         if (self.targets["--figure"] or self.targets["--animate"]) and duration is not None and duration < 0.1:
             raise ValueError(f"--duration {duration} s is too short to draw; give at least 0.1 s, or no --figure.")
 
+    @property
+    def record_step(self) -> float:
+        """Interval at which results are recorded [s]: with the flow in the loop one from which networks can learn."""
+        from exumob.learning.dataset import SAMPLING
+
+        micro_step = setting_named(self.setting).flow_micro_step if self.micro_step is None else self.micro_step
+        fits = abs(SAMPLING / micro_step - round(SAMPLING / micro_step)) < 1e-9
+        return SAMPLING if self.model == WaterModel.cfd and fits else RECORD_STEP
+
 
 def check_effects(
     water: bool, dry: str, current: float, model: WaterModel, micro_step: float | None, macro_step: float | None
@@ -268,7 +277,7 @@ def drive(
     steps: dict[str, Any] = {
         "duration": scene.duration, "setting": options.setting, "micro_step": options.micro_step,
         "macro_step": options.macro_step, "initial_speed": scene.initial_speed, "terrain": scene.terrain,
-        "start": scene.start,
+        "start": scene.start, "record_step": options.record_step,
     }  # fmt: skip
 
     def run(advance: Callable[[float], None]) -> xr.Dataset:

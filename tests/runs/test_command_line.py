@@ -274,7 +274,9 @@ def test_flow_in_the_loop_is_animated_with_its_surface(tmp_path):
     answer = call("lane-change", *options, *steps, "--animate", animation, "--output", output)
     assert answer.exit_code == 0, answer.output
     assert animation.stat().st_size > 1000
-    surface = load_dataset(output)["hydrodynamics_elevation"]
+    result = load_dataset(output)
+    assert np.diff(result["time"].values) == pytest.approx(1e-3)  # from which networks can learn
+    surface = result["hydrodynamics_elevation"]
     assert surface["snapshot"].values == pytest.approx([0.0, 0.05, 0.1], abs=1e-9)
     assert 0.0 < float(np.abs(surface).max()) < 0.05
 
