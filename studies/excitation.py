@@ -1,13 +1,14 @@
-"""From which runs do networks learn most per second of flow: lane changes, multisines or steps?
+"""From which runs do networks learn most per second of flow: lane changes, other drives, multisines or steps?
 
 Sets of three and six runs of 8 s each on 28 mm cells teach the same networks, in the paper's range (40 to 60 % depth,
 head currents of 0 to 1 m/s): lane changes from rest (free runs, of the paper's nine scenarios), and captive runs within
-the envelope of cheap drives: multisines about one speed, steps of the speed alone (three of each), and both at once, as
-`exumob learn` plans them; at last a half of lane changes and a half of both. All are judged on the paper's four unseen
-lane changes and on two more captive runs, on the same cells, and by where drives with the networks end.
+the envelope of cheap drives: multisines about one speed, steps of the speed alone (three of each), and both at once; a
+half of lane changes and a half of both; drives as `exumob learn` plans them (steering by multisines, three soils), and
+two thirds of them with one third of captive runs. All are judged on the paper's four unseen lane changes and on two
+more captive runs, on the same cells, and by where drives with the networks end.
 
-Run: python studies/excitation.py [--jobs 2] [--folder runs/excitation]     (24 runs, an hour on two cores; it goes on
-     where it was stopped)
+Run: python studies/excitation.py [--jobs 2] [--folder runs/excitation]     (30 runs, an hour and a quarter on two
+     cores; it goes on where it was stopped)
 """
 
 from __future__ import annotations

@@ -121,12 +121,12 @@ def test_runs_are_made_on_ranks_of_mpi(short, tmp_path):
 
 def test_networks_learn_and_the_card_says_what_they_are_worth(tmp_path):
     """Loads of 1.3 times the coefficient model's, of which waves know little: networks learn much of the rest."""
-    plan = make_plan(CAR, WANTED, 0.04, 0.06, ENVELOPE, seeds=2, run_time=6.0)
+    plan = make_plan(CAR, WANTED, 0.055, 0.06, ENVELOPE, seeds=2, run_time=6.0)
     folder = LearningFolder(tmp_path)
     assert not run_campaign(plan.tasks, CAR, folder, jobs=2, compute=coefficient_flow)
     found = learn_from(plan, folder, jobs=2)
     figures = found.figures
-    assert figures["load_error"] < 0.6 * figures["coefficients_load_error"] and figures["rests"]
+    assert figures["load_error"] < 0.8 * figures["coefficients_load_error"] and figures["rests"]
     assert figures["runs"] >= 2 and figures["members"] == 2 and len(figures["drives"]) >= 1
     for one in figures["drives"]:
         assert one["end"] < 0.05 and one["coefficients_end"] < 0.05 and one["outside"] < 0.1
