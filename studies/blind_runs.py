@@ -20,14 +20,14 @@ from matplotlib.figure import Figure
 
 from exumob.learning.compact import thinned
 from exumob.learning.dataset import load_run, pack
-from exumob.learning.error_bars import bars_of, share_within
+from exumob.learning.error_bars import share_within
 from exumob.learning.evaluation import closed_loop, drive, open_loop
 from exumob.learning.validation import Compared, compare_loads
 from exumob.paper.reference_runs import FlowRun, compute_all, set_up_log, work_folder
 from exumob.paper.scenarios import DRAWN, Scenario
 from exumob.simulation.result_files import save_dataset
 from exumob.support.figures import STYLE
-from exumob.surrogates.ensemble import load_floor
+from exumob.surrogates.ensemble import bars_of, load_floor
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NAMED
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS

@@ -12,7 +12,7 @@ from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 
 
-def scaled_vehicle(factor: float) -> Vehicle:
+def sized_amphibious(factor: float) -> Vehicle:
     """The amphibious vehicle in another size."""
     return exumob.vehicle.scaled.scaled_vehicle(amphibious_vehicle(), factor, "amphibious")
 
@@ -33,7 +33,7 @@ def made_up_run(
     height : of the hull's origin [m]
     push : force of the water along world x and y [N]
     """
-    vehicle = scaled_vehicle(factor)
+    vehicle = sized_amphibious(factor)
     tick = np.sqrt(factor)
     time = np.linspace(0.0, end, round(end / step) + 1)
 

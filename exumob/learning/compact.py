@@ -74,9 +74,23 @@ def thinned(run: xr.Dataset) -> xr.Dataset:
 
 
 def filled(run: xr.Dataset) -> xr.Dataset:
-    """Return a thinned run with a sample every millisecond, by straight lines between those that were kept."""
+    """Return a thinned run with a sample every millisecond, by straight lines between those that were kept.
+
+    Raises
+    ------
+    ValueError
+        If the attribute that says how many samples were left out is not a whole number of at least 1.
+    """
     time = run["time"].values
-    every = int(run.attrs[THINNED])
+    try:
+        every = int(run.attrs[THINNED])
+    except (TypeError, ValueError):
+        every = 0
+    if every < 1:
+        raise ValueError(
+            f"the attribute {THINNED} is {str(run.attrs[THINNED])[:40]!r}, and must be a whole number of at least 1; "
+            "use a whole copy of the file."
+        )
     wanted = np.linspace(time[0], time[-1], every * (len(time) - 1) + 1)
     attrs = {name: text for name, text in run.attrs.items() if name != THINNED}
     found = run.interp(time=wanted, assume_sorted=True).astype({n: v.dtype for n, v in run.data_vars.items()})

@@ -205,13 +205,13 @@ def load_run(file: str | Path) -> xr.Dataset:
         If the file cannot be read, or is not a run to learn from (`pack`, `check_run`).
     """
     run = load_dataset(file)
-    if MARK in run.attrs:
-        run = complete(filled(run) if THINNED in run.attrs else run)
-    elif "water_wrench" in run and "water_wrench_smooth" not in run:
-        try:
+    try:
+        if MARK in run.attrs:
+            run = complete(filled(run) if THINNED in run.attrs else run)
+        elif "water_wrench" in run and "water_wrench_smooth" not in run:
             run = pack(run)
-        except ValueError as error:
-            raise ValueError(f"{file}: {error}") from None
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
     check_run(run, str(file))
     return run
 

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from exumob.support.arrays import Array
+from exumob.surrogates.ensemble import bars_of
 
 
 def fitted_floor(errors: Sequence[Array], spreads: Sequence[Array]) -> Array:
@@ -32,11 +33,6 @@ def fitted_floor(errors: Sequence[Array], spreads: Sequence[Array]) -> Array:
     """
     lacking = [np.mean(error**2 - spread**2, axis=0) for error, spread in zip(errors, spreads, strict=True)]
     return np.asarray(np.sqrt(np.maximum(np.mean(lacking, axis=0), 0.0)))
-
-
-def bars_of(spread: Array, floor: Array) -> Array:
-    """Return error bars for a spread and a floor: standard deviations, of the shape of the spread."""
-    return np.asarray(np.hypot(spread, floor))
 
 
 def error_bars(errors: Sequence[Array], spreads: Sequence[Array]) -> list[Array]:

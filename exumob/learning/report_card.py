@@ -16,10 +16,10 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from exumob.learning.dataset import body_states, water_of
-from exumob.learning.error_bars import bars_of
 from exumob.learning.plan import FreeTask, LearningPlan
 from exumob.learning.validation import BETTER, DEVIATIONS, TWO, Compared, Drive, compared_with, shortfall
 from exumob.support.figures import STYLE
+from exumob.surrogates.ensemble import bars_of
 from exumob.surrogates.inputs import network_inputs
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 

@@ -131,6 +131,11 @@ def load_floor(members: Sequence[NetworkSet]) -> Array | None:
     return None
 
 
+def bars_of(spread: Array, floor: Array) -> Array:
+    """Return error bars for a spread and a floor: standard deviations, of the shape of the spread."""
+    return np.asarray(np.hypot(spread, floor))
+
+
 NUMBERS = ("load_error", "cell_size", "seconds", "runs", "inside")
 PAIRS = ("depth_ratio", "current_speed")
 

@@ -25,7 +25,7 @@ from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
 from exumob.support.kernels import njit
-from exumob.surrogates.ensemble import load_floor, load_members
+from exumob.surrogates.ensemble import bars_of, load_floor, load_members
 from exumob.surrogates.inputs import SAMPLING, bed_below, network_inputs, size_factors, window_rows
 from exumob.surrogates.memory import InputMemory
 from exumob.surrogates.network_kernels import mean_and_spread
@@ -291,7 +291,7 @@ class SurrogateHydrodynamics:
         if self._floor is None or self._water is None:
             return {}
         floor = self._water.density / TRAINED_DENSITY * self._load_factors * self._floor
-        bars = np.hypot(np.array(self._spread), floor)
+        bars = bars_of(np.array(self._spread), floor)
         outside = np.array(self._excess).max(axis=-1) > OUTSIDE
         bars[outside | (np.array(self._fallback) > 0.0)] = np.nan
         found = xr.DataArray(

@@ -9,7 +9,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from made_up_runs import made_up_run, scaled_vehicle
+from made_up_runs import made_up_run, sized_amphibious
 
 from exumob.ground.soil import Soil
 from exumob.mobility.ford import Ford, ford_report
@@ -24,7 +24,7 @@ SAND = Soil.published("LETE sand")
 
 def ford(factor=1.0, **options):
     section = CrossSection(factor * np.array(SECTION.station), factor * np.array(SECTION.bed))
-    return Ford(section, 0.0, scaled_vehicle(factor), SAND, **options)
+    return Ford(section, 0.0, sized_amphibious(factor), SAND, **options)
 
 
 def drive(clearance=0.05, bank=None, **options):
@@ -85,7 +85,7 @@ def test_a_vehicle_that_comes_out_has_crossed():
     assert report.clearance.station == pytest.approx(2.0, abs=0.02)
     assert report.wheel_load.value == pytest.approx(0.6, abs=1e-6)
     assert report.slip.value == pytest.approx(0.3)
-    vehicle = scaled_vehicle(1.0).hull
+    vehicle = sized_amphibious(1.0).hull
     top = 0.17 + vehicle.ground_clearance + vehicle.height - vehicle.center_of_mass_height
     assert report.freeboard.value == pytest.approx(top)
     assert report.figures()["crosses"] == 1.0
@@ -202,7 +202,7 @@ def test_the_drift_is_drawn_with_the_range_of_the_members(members):
 ])  # fmt: skip
 def test_what_is_no_ford_is_refused(change, text):
     with pytest.raises(ValueError, match=text):
-        Ford(**({"section": SECTION, "level": 0.0, "vehicle": scaled_vehicle(1.0), "soil": SAND} | change))
+        Ford(**({"section": SECTION, "level": 0.0, "vehicle": sized_amphibious(1.0), "soil": SAND} | change))
 
 
 def test_what_will_be_driven_is_said():
@@ -218,14 +218,14 @@ def test_what_will_be_driven_is_said():
 def test_ground_beyond_the_section_is_said_to_be_taken_as_level():
     """The vehicle needs more dry bank than was measured, on both sides; with enough of it nothing is said."""
     short = CrossSection([0.0, 4.0, 5.0, 9.0], [0.5, -0.4, -0.4, 0.5])
-    said = Ford(short, 0.4, scaled_vehicle(1.0), SAND).lines()["banks"]
+    said = Ford(short, 0.4, sized_amphibious(1.0), SAND).lines()["banks"]
     assert "taken as level before station 0 m and after station 9 m, where the section has no points" in said
     long = CrossSection([-20.0, 0.0, 4.0, 5.0, 9.0, 30.0], [0.5, 0.5, -0.4, -0.4, 0.5, 0.5])
-    assert "taken as level" not in Ford(long, 0.4, scaled_vehicle(1.0), SAND).lines()["banks"]
+    assert "taken as level" not in Ford(long, 0.4, sized_amphibious(1.0), SAND).lines()["banks"]
 
 
 def test_bends_of_the_bed_beyond_the_way_are_no_banks():
     station = [-9.0, -8.0, 0.0, 1.0, 1.5, 2.5, 3.0, 4.0, 20.0, 21.0]
     bed = [5.0, 0.1, 0.1, 0.0, -0.12, -0.12, 0.0, 0.1, 0.1, 5.0]
-    banks = Ford(CrossSection(station, bed), 0.0, scaled_vehicle(1.0), SAND).banks
+    banks = Ford(CrossSection(station, bed), 0.0, sized_amphibious(1.0), SAND).banks
     assert banks == pytest.approx((0.24, 0.24))

@@ -135,6 +135,13 @@ def test_a_thinned_run_judges_as_the_whole_one(run, tmp_path):
     assert closed_loop(found, packed)["final"] < 1e-3
 
 
+@pytest.mark.parametrize("every", [0, -4, "four", np.array([4, 4])], ids=str)
+def test_a_thinned_run_that_does_not_say_how_much_is_refused_by_the_name_of_its_file(run, tmp_path, every):
+    file = save_dataset(thinned(pack(run)).assign_attrs(thinned=every), tmp_path / "run.nc")
+    with pytest.raises(ValueError, match=r"run\.nc: the attribute thinned is .*, and must be a whole number"):
+        load_runs([file])
+
+
 def test_smoothed_loads_are_not_late(run):
     """Against the raw ones moved by a few samples: nearest where they are not moved."""
     packed = pack(run)

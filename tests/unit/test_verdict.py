@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
-from made_up_runs import made_up_run, scaled_vehicle
+from made_up_runs import made_up_run, sized_amphibious
 
 from exumob.simulation.results import COMMENTS, VARIABLES
 from exumob.simulation.verdict import (
@@ -171,7 +171,7 @@ def test_static_stability_counts_where_it_ends_before_the_tilt():
     """A centre of mass 0.5 m up: its weight falls beside the wheels, 0.33 m out, from 33 degrees on."""
     from dataclasses import replace
 
-    car = scaled_vehicle(1.0)
+    car = sized_amphibious(1.0)
     tall = replace(car, hull=replace(car.hull, center_of_mass_height=0.568, ground_clearance=0.3))
     height = (49.0 * 0.568 + 8.0 * 0.1) / 57.0
     edge = math.atan(0.33 / height)
@@ -248,13 +248,13 @@ def test_a_run_that_holds_too_little_is_refused_by_name():
     bare.attrs = {}
     with pytest.raises(ValueError, match="vehicle"):
         judge(bare)
-    assert judge(bare, vehicle=scaled_vehicle(1.0)).kind == "drives"
+    assert judge(bare, vehicle=sized_amphibious(1.0)).kind == "drives"
     for text in ("{", "3", '{"vehicle": 3}', '{"vehicle": {}}', '{"vehicle": {"Vehicle": {"hull": 3}}}', "[]"):
         with pytest.raises(ValueError, match="parameters"):
             judge(made_up_run().assign_attrs(parameters=text))
     for water in (3, {"Water": 3}, {"Water": {}}):
         with pytest.raises(ValueError, match="water"):
-            judge(made_up_run().assign_attrs(parameters=json.dumps({"water": water})), vehicle=scaled_vehicle(1.0))
+            judge(made_up_run().assign_attrs(parameters=json.dumps({"water": water})), vehicle=sized_amphibious(1.0))
     with pytest.raises(ValueError, match="yaw has the dimensions"):
         judge(made_up_run().assign(yaw=made_up_run()["forward_velocity"]))
     with pytest.raises(ValueError, match="times"):
