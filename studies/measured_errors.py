@@ -117,8 +117,7 @@ def dry(vehicle: Vehicle) -> dict[str, Any]:
 
 def repeatability(table: xr.Dataset) -> dict[str, Any]:
     """How far D60/U1 with the flow in the loop ends from itself: mirrored, on other cells, whatever there is."""
-    finer = [name for name, run in VARIANTS.items() if run.cell_size <= CELL_SIZE]
-    variants = [name for name in finer if name in table["run"].values]
+    variants = [name for name in VARIANTS if name in table["run"].values]
     forward, lateral = (np.abs(table[name].sel(run=["D60/U1", *variants]).values) for name in ("forward", "lateral"))
     off = np.hypot(forward - forward[0], lateral - lateral[0]) / np.hypot(forward[0], lateral[0])
     sizes = {CELL_SIZE} | {VARIANTS[name].cell_size for name in variants}

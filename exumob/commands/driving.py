@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -161,11 +162,13 @@ class RunOptions:
     @property
     def record_step(self) -> float:
         """Interval at which results are recorded [s]: with the flow in the loop one from which networks can learn."""
+        if self.model != WaterModel.cfd:
+            return RECORD_STEP
         from exumob.learning.dataset import SAMPLING
 
         micro_step = setting_named(self.setting).flow_micro_step if self.micro_step is None else self.micro_step
-        fits = abs(SAMPLING / micro_step - round(SAMPLING / micro_step)) < 1e-9
-        return SAMPLING if self.model == WaterModel.cfd and fits else RECORD_STEP
+        steps = SAMPLING / micro_step if micro_step else math.inf  # a step that cannot be is refused later
+        return SAMPLING if math.isfinite(steps) and abs(steps - round(steps)) < 1e-9 else RECORD_STEP
 
 
 def check_effects(

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from exumob.commands.driving import cells_of
 from exumob.commands.options import (
     EXPERT,
     OUTPUT,
@@ -69,7 +68,7 @@ def learn_command(  # one argument an option of the command line
     jobs: Workers = 2,
     cell_size: Annotated[
         float | None,
-        option(EXPERT, "Width of the flow solver's cells. Default: 0.0575 of the tyre's diameter.", of=CELL_SIZE),
+        option(EXPERT, "Width of the flow solver's cells. Default: 0.09 of the tyre's diameter.", of=CELL_SIZE),
     ] = None,
     preset: Annotated[
         str | None,
@@ -78,7 +77,9 @@ def learn_command(  # one argument an option of the command line
     seeds: Annotated[int, option(EXPERT, "Networks of each body; their spread is the error bar.")] = 5,
     run_time: Annotated[
         float | None,
-        option(EXPERT, "Simulated time of a captive run. Default: by Froude's law, 8 s on a wheelbase of 0.714 m. [s]"),
+        option(
+            EXPERT, "Simulated time of a run that teaches. Default: by Froude's law, 8 s on a wheelbase of 0.714 m. [s]"
+        ),
     ] = None,
     mpi: Annotated[
         bool, option(EXPERT, "Use the ranks of mpiexec -n 4 python -m mpi4py.futures -m exumob learn ...", "--mpi")
@@ -96,7 +97,7 @@ def learn_command(  # one argument an option of the command line
     Example: exumob learn --vehicle car.py --budget 12 --output car_networks --plan
     """
     from exumob.learning.envelope import keep_envelope
-    from exumob.learning.plan import LearningRange, make_plan
+    from exumob.learning.plan import CELLS, LearningRange, make_plan
 
     folder: LearningFolder | None = None
     try:
@@ -119,7 +120,7 @@ def learn_command(  # one argument an option of the command line
             depths, currents = span("--depth", depth, unusual), span("--current", current, unusual)
             wanted = LearningRange(depths, currents, directions.value)
             if cell_size is None:
-                cell_size = cells_of(car)
+                cell_size = CELLS * car.wheel.diameter
             size = CELL_SIZE.check("--cell-size", Unusual(cell_size) if unusual else cell_size)
             _check_numbers(budget, run_time)
         from exumob.learning.campaign import ABOUT, LearningFolder

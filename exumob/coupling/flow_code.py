@@ -23,7 +23,7 @@ from exumob.flow.solids import Solid
 from exumob.flow.solver import FlowSolver
 from exumob.flow.step import OverTerrain
 from exumob.flow.undisturbed import flow_water, is_uniform, require_one_level
-from exumob.flow.vehicle_window import settings_round, vehicle_window, window_over_terrain
+from exumob.flow.vehicle_window import settings_for_vehicle, vehicle_window, window_over_terrain
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
@@ -202,7 +202,7 @@ class BuiltInFlow:
         """
         grid, solids, bed = self._checked_solids(vehicle, water)
         if self._solver_of != self._checked_for:
-            settings = settings_round(vehicle, self.settings)
+            settings = settings_for_vehicle(vehicle, self.settings)
             self.solver = FlowSolver(grid, solids, flow_water(water, bed.terrain), settings, *bed)
             self._solver_of = self._checked_for
         self.solver.start(poses, time)

@@ -71,7 +71,7 @@ def flow_cost(
     threads : int
         Threads of the kernels.
     """
-    parts = max(math.ceil(interval * COURANT_FACTOR * speed / (courant * cell_size)), 1)
+    parts = max(math.ceil(interval * COURANT_FACTOR * speed / (courant * cell_size) - 1e-9), 1)
     steps = parts * duration / interval
     step = cells * TIME_PER_CELL * (SERIAL_SHARE + (1.0 - SERIAL_SHARE) / threads)
     return FlowCost(cells, BYTES_PER_CELL * cells, steps, steps * step, threads)

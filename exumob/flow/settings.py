@@ -32,7 +32,8 @@ class FlowSettings(Declared):
     reference_length: Annotated[float | None, Quantity("m", at_least=1e-3, at_most=1e4)] = None
     """Length that sets, by Froude's law, what has dimensions of its own: the width of the absorbing zones, the rate at
     which faces hardly open are drawn to the slip velocity, the fastest fall of thin water, the closing of voids [m].
-    None: that of the vehicle in the window, if there is one (`exumob.flow.vehicle_window.settings_round`), else 1 m"""
+    None: that of the vehicle in the window, if there is one (`exumob.flow.vehicle_window.settings_for_vehicle`),
+    else 1 m"""
     absorbing_width: Annotated[float | None, Quantity("m", at_least=1e-4, at_most=1e4)] = None
     """Width of that zone [m]; None: 0.6 of the reference length"""
     absorbing_strength: Annotated[float, Quantity("1", at_least=0.0, at_most=100.0)] = 10.0

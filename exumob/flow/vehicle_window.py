@@ -139,7 +139,7 @@ def window_over_terrain(
     return WindowOverTerrain(grid, deepest)
 
 
-def settings_round(vehicle: Vehicle, settings: FlowSettings) -> FlowSettings:
+def settings_for_vehicle(vehicle: Vehicle, settings: FlowSettings) -> FlowSettings:
     """Return settings whose reference length is that of a vehicle, unless they give one themselves.
 
     By Froude's law the waves of a vehicle are as long as it is large, and a zone absorbs waves of up to about two of

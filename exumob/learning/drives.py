@@ -30,8 +30,11 @@ LEVELS = ((1.0, 1.0, 1.0), (0.6, 1.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.5, 1.0), (1
 """Speeds of the wheels in the thirds of a drive that teaches, over its largest one; one row a drive."""
 SLOWEST, FASTEST = 0.7, 1.2
 """Largest speed of the wheels in a drive that teaches, over the usual one [-]."""
-HIGHEST = 0.6
-"""Highest frequency of its steering, times `time_scale` [Hz]."""
+HIGHEST, SINES, PERIOD = 0.6, 8, 32.0
+"""Highest frequency of its steering, times `time_scale` [Hz], most sines in it, and the time after which they repeat
+themselves, over `time_scale` [s]."""
+PHASES = 24
+"""Sets of phases that are drawn; drives of other numbers take them again."""
 TURNING = 0.4
 """Largest constant part of its steering, over the largest angle [-]."""
 SAMPLE, LEAST_SAMPLES = 0.1, 80
@@ -76,8 +79,10 @@ def teaching_drive(vehicle: Vehicle, number: int, duration: float) -> Recorded:
         speed += (level - before) * _rising(part, third / 3.0, ramp)
         before = level
     half = (_rising(part, 0.0, ramp), _rising(part, 0.5, ramp), 1.0 - _rising(part, 0.5, ramp))[number % 3]
-    harmonics = tuple(range(1, max(int(HIGHEST * duration / unit + 1e-9), 2) + 1))
-    sines = small_peak(harmonics, number).at(part)
+    period = min(duration, PERIOD * unit)
+    highest = max(int(HIGHEST * period / unit + 1e-9), 2)
+    harmonics = tuple(sorted({round(k) for k in np.linspace(1, highest, min(highest, SINES))}))
+    sines = small_peak(harmonics, number % PHASES).at(time / period)
     begun = _rising(part, ramp, ramp)
     steering = angle * half * begun * (turning + (1.0 - abs(turning)) * share * sines)
     return Recorded(time, steering, fastest * spin * speed)

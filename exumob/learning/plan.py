@@ -54,12 +54,14 @@ APART = 5
 """One captive run in so many is kept apart: the last of each group."""
 LEAST_DRIVES, DRIVES_A_ROUND = 4, 3
 """Drives that teach at least, and those that are added for each captive run."""
+FIRST = (0, 1, 4, 5, 2, 3)
+"""Numbers of the first drives: two at the ends of the ranges, two within, and the other ends."""
+CELLS = 0.09
+"""Usual width of the cells, over the tyre's diameter: that of the runs that come with exumob."""
 RUN_TIME, RAMP = 8.0, 1.0
 """Duration of a run that teaches and of a captive run's ramp, times `time_scale` [s]."""
-APART_SHARE = 0.2
-"""Part of the budget for drives that are kept apart."""
-MOST_APART, MOST_TEACHING = 6, 1000
-"""Most drives that are kept apart, and most runs that teach."""
+MOST_APART, MOST_RUNS = 6, 1000
+"""Most drives that are kept apart, and most runs in all."""
 INTERVALS = (10e-3, 5e-3, 4e-3, 2.5e-3, 2e-3, 1.5e-3, 1.25e-3, 1e-3)
 """Intervals of the loads of captive runs [s]: the longest one that the flow goes through in one step is taken."""
 MICRO_STEP, LONGEST_MACRO_STEP = 5e-4, 4e-3
@@ -243,7 +245,7 @@ class LearningPlan:
         found.append(
             f"runs      {len(free)} drives ({apart[0]} kept apart) and {len(captive)} captive ones ({apart[1]} kept "
             f"apart) of up to {captive[0].duration:g} s: {self.simulated:.0f} s in all"
-            + (f"; more than {MOST_TEACHING} are not planned" if len(self.tasks) >= MOST_TEACHING else "")
+            + (f"; more than {MOST_RUNS} are not planned" if len(self.tasks) >= MOST_RUNS else "")
         )
         found += [
             f"          {task.name}: {_described(task, car)}; {task.cost.cells:,.0f} cells, {task.cost.steps:,.0f} "
@@ -333,11 +335,11 @@ def make_plan(  # each argument is a choice of its own
     costs = _Costs(vehicle, cell_size)
     drives, judges = _teaching(vehicle, wanted, duration, costs), _judging(vehicle, wanted, part, costs)
     captive, captive_apart = itertools.tee(_captive(vehicle, wanted, envelope, duration, costs))
-    captive = (task for task in captive if task.role == "teach")
-    captive_apart = (task for task in captive_apart if task.role == "apart")
-    chosen: list[Task] = [
-        *itertools.islice(drives, LEAST_DRIVES), next(captive), next(captive_apart), next(judges)
-    ]  # fmt: skip
+    order = _order(
+        drives, judges, (task for task in captive if task.role == "teach"),
+        (task for task in captive_apart if task.role == "apart"),
+    )  # fmt: skip
+    chosen = list(itertools.islice(order, LEAST_DRIVES + 3))
 
     def price(tasks: list[Task]) -> float:
         return (sum(task.cost.seconds for task in tasks) + _training(tasks, preset, seeds)) / 3600.0
@@ -346,14 +348,8 @@ def make_plan(  # each argument is a choice of its own
         budget = max(USUAL_BUDGET, math.ceil(price(chosen)))
     if price(chosen) > budget:
         _refuse_budget(chosen, price(chosen), budget, cell_size)
-    spent = chosen[-1].cost.seconds
-    for judge in itertools.islice(judges, MOST_APART - 1):
-        spent += judge.cost.seconds
-        if spent > APART_SHARE * 3600.0 * budget or price([*chosen, judge]) > budget:
-            break
-        chosen.append(judge)
     left = budget - price(chosen)
-    for task in itertools.islice(_rounds(drives, captive, captive_apart), MOST_TEACHING - len(chosen)):
+    for task in itertools.islice(order, MOST_RUNS - len(chosen)):
         left -= price([task])
         if left < 0.0:
             break
@@ -455,11 +451,19 @@ def _divides(step: float, duration: float) -> bool:
     return abs(duration / step - round(duration / step)) < 1e-6
 
 
-def _rounds(drives: Iterator[FreeTask], captive: Iterator[CaptiveTask], apart: Iterator[CaptiveTask]) -> Iterator[Task]:
-    """What a larger budget adds, without end: some drives, a captive run; after some captive runs one kept apart."""
+def _order(
+    drives: Iterator[FreeTask], judges: Iterator[FreeTask], captive: Iterator[CaptiveTask], apart: Iterator[CaptiveTask]
+) -> Iterator[Task]:
+    """All runs in the order in which a budget buys them, without end: first the least, then rounds of some of each."""
+    first = list(itertools.islice(drives, len(FIRST)))
+    drives = itertools.chain((first[number] for number in FIRST), drives)
+    yield from itertools.islice(drives, LEAST_DRIVES)
+    yield from (next(captive), next(apart), next(judges))
     for number in itertools.count(1):
         yield from itertools.islice(drives, DRIVES_A_ROUND)
         yield next(captive)
+        if number < MOST_APART:
+            yield next(judges)
         if number % (APART - 1) == 0:
             yield next(apart)
 

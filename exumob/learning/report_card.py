@@ -58,7 +58,7 @@ class CardContents:
     taught: Mapping[str, xr.Dataset]
     """Runs that networks have learnt from"""
     apart: Mapping[str, xr.Dataset]
-    """Runs kept apart, captive and free"""
+    """Runs kept apart, captive ones and drives"""
     compared: Mapping[str, Compared]
     failed: Mapping[str, str]
     """Errors of runs that broke down"""
@@ -125,7 +125,7 @@ def _range_text(c: CardContents) -> str:
     text = (
         f"Runs to learn from have depths of {f['depth_ratio'][0]:.2f} to {f['depth_ratio'][1]:.2f} of the tyre's "
         f"diameter ({1e3 * car.wheel.diameter:.0f} mm) and currents of {f['current_speed'][0]:.2f} to "
-        f"{f['current_speed'][1]:.2f} m/s. Depth and current are constant in each run; all else moves at once. Below: "
+        f"{f['current_speed'][1]:.2f} m/s. Depth and current are constant in each run. Below: "
         "waters of the runs, speeds of the hull through the water and attitudes over which the networks have learnt."
     )
     return f"<p>{html.escape(text)}</p>"
@@ -237,7 +237,7 @@ def _drive_table(c: CardContents) -> str:
         rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
     heads = (
         "drive", "soil", "time [s]", "depth ratio", "current [m/s]", "path, rms [%]", "end [%]", "yaw, rms [deg]",
-        "end, these coefficients [%]", "end, calibrated [%]", "outside range [% of time]", "coefficients' share [%]",
+        "end, fitted coefficients [%]", "end, calibrated [%]", "outside range [% of time]", "coefficients' share [%]",
     )  # fmt: skip
     return f"<table><tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>{''.join(rows)}</table>"
 

@@ -157,18 +157,18 @@ class Drive:
 
 
 def compare_drives(members: Sequence[NetworkSet], plan: LearningPlan, runs: Mapping[str, xr.Dataset]) -> list[Drive]:
-    """Drive the free runs again with networks and with the coefficients that they rest on.
+    """Drive those runs again that are kept apart: with networks, their coefficients, and exumob's own.
 
     Parameters
     ----------
     members : sequence of NetworkSet
     plan : LearningPlan
     runs : mapping
-        Runs by name; free tasks whose runs are missing are left out.
+        Runs by name; drives whose runs are missing are left out.
     """
     found = []
     for task in plan.tasks:
-        if isinstance(task, FreeTask) and task.name in runs:
+        if isinstance(task, FreeTask) and task.role == "apart" and task.name in runs:
             found.append(_drive(members, task, plan.vehicle, runs[task.name]))
     return found
 
@@ -179,7 +179,7 @@ def _drive(members: Sequence[NetworkSet], task: FreeTask, vehicle: Vehicle, refe
     models: dict[str, Hydrodynamics] = {
         "networks": SurrogateHydrodynamics(list(members)),
         "coefficients": CalibratedHydrodynamics(waves=members[0].waves),
-        "calibrated": CalibratedHydrodynamics(),
+        **({} if members[0].waves is None else {"calibrated": CalibratedHydrodynamics()}),
     }  # fmt: skip
     measures: dict[str, dict[str, float] | None] = {}
     shares: dict[str, float] = {}
@@ -199,8 +199,9 @@ def _drive(members: Sequence[NetworkSet], task: FreeTask, vehicle: Vehicle, refe
             shares = range_shares(run)
     return Drive(
         task.name, maneuver_name(task.maneuver), task.soil, task.water.uniform_depth / vehicle.wheel.diameter,
-        task.water.current_speed, task.duration, measures["networks"], measures["coefficients"], measures["calibrated"],
-        shares.get("out_of_range_share", math.nan), shares.get("fallback_share", math.nan), paths,
+        task.water.current_speed, task.duration, measures["networks"], measures["coefficients"],
+        measures.get("calibrated"), shares.get("out_of_range_share", math.nan),
+        shares.get("fallback_share", math.nan), paths,
     )  # fmt: skip
 
 
@@ -222,13 +223,14 @@ def shortfall(figures: Mapping[str, Any]) -> str:
         worse.append("in the loads")
     if _no_better(figures["drives"], "coefficients_end"):
         worse.append("in where drives end")
+    own = figures["rests"] and _no_better(figures["drives"], "calibrated_end")
+    if own and _no_better(figures["drives"], "calibrated_end", "coefficients_end"):
+        return (
+            "Drives with these networks end no nearer to those with the flow than with the calibrated coefficients "
+            "that come with exumob: drive with --hydrodynamics calibrated and without --networks, or give the same "
+            "command a larger --budget, which adds runs to those there are."
+        )
     if not worse:
-        if figures["rests"] and _no_better(figures["drives"], "calibrated_end"):
-            return (
-                "These networks end drives no better than the calibrated coefficients that come with exumob: drive "
-                "with --hydrodynamics calibrated and without --networks, or give the same command a larger --budget, "
-                "which adds runs to those there are."
-            )
         return ""
     instead = "add" if figures["rests"] else "without --networks:"
     return (
@@ -238,9 +240,9 @@ def shortfall(figures: Mapping[str, Any]) -> str:
     )
 
 
-def _no_better(drives: Sequence[Mapping[str, Any]], other: str) -> bool:
-    """Whether drives with networks end no nearer to those with the flow than others do."""
-    both = [(one["end"], one[other]) for one in drives if one.get(other) is not None]
+def _no_better(drives: Sequence[Mapping[str, Any]], other: str, one: str = "end") -> bool:
+    """Whether drives with networks (or `one`) end no nearer to those with the flow than others do."""
+    both = [(drive[one], drive[other]) for drive in drives if None not in (drive.get(one), drive.get(other))]
     return bool(both) and sum(end for end, _ in both) >= BETTER * sum(end for _, end in both)
 
 

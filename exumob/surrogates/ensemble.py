@@ -112,6 +112,8 @@ def card_of(members: Sequence[NetworkSet]) -> dict[str, Any] | None:
     card = found[0] if found else None
     if not isinstance(card, dict) or any(other != card for other in found) or card.get("members") != len(members):
         return None
+    if isinstance(card.get("soil"), str):  # files of before there were several
+        card = {name: value for name, value in card.items() if name != "soil"} | {"soils": [card["soil"]]}
     return card if _whole(card) else None
 
 

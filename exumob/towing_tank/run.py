@@ -22,7 +22,7 @@ from exumob.flow.bed import require_bed
 from exumob.flow.cost import FlowCost, flow_cost, require_room
 from exumob.flow.grid import CELL_SIZE
 from exumob.flow.resolution import checked_solids
-from exumob.flow.vehicle_window import settings_round, vehicle_window
+from exumob.flow.vehicle_window import settings_for_vehicle, vehicle_window
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.cost import announce, require_memory
@@ -132,7 +132,7 @@ def captive_run(  # the front door of captive runs: each argument is a choice of
         On Ctrl-C; a KeyboardInterrupt whose ``result`` holds the Dataset up to then.
     """
     motion = CaptiveMotion() if motion is None else motion
-    settings = settings_round(vehicle, FlowSettings() if settings is None else settings)
+    settings = settings_for_vehicle(vehicle, FlowSettings() if settings is None else settings)
     steps = whole_multiple("duration", duration, "interval", interval)
     every = 0 if snapshots is None else whole_multiple("snapshots", snapshots, "interval", interval)
     require_memory(

@@ -34,7 +34,7 @@ from exumob.flow import (
 from exumob.flow.output.pictures import SurfaceView, animate_surface
 from exumob.flow.output.vtk import VtkSeries
 from exumob.flow.resolution import check_resolution
-from exumob.flow.vehicle_window import doubled_window, settings_round, vehicle_window
+from exumob.flow.vehicle_window import doubled_window, settings_for_vehicle, vehicle_window
 from exumob.towing_tank import CaptiveMotion, captive_run, captive_summary
 from exumob.towing_tank.plots import plot_captive
 from exumob.water.conditions import Water
@@ -155,11 +155,11 @@ def test_wrong_values_are_refused_with_what_would_do(make, message):
 
 def test_zones_that_absorb_waves_are_in_proportion_to_the_vehicle_unless_their_width_is_given():
     given = FlowSettings(threads=2)
-    assert given.zone_width == 0.6 and settings_round(VEHICLE, given).zone_width == 0.6
-    car = settings_round(small_car(), given)
+    assert given.zone_width == 0.6 and settings_for_vehicle(VEHICLE, given).zone_width == 0.6
+    car = settings_for_vehicle(small_car(), given)
     assert car.zone_width == pytest.approx(0.6 * 3.785) and car.size == pytest.approx(3.785) and car.threads == 2
-    assert settings_round(small_car(), replace(given, reference_length=2.0)).zone_width == 1.2
-    assert settings_round(small_car(), FlowSettings(absorbing_width=0.3)).zone_width == 0.3
+    assert settings_for_vehicle(small_car(), replace(given, reference_length=2.0)).zone_width == 1.2
+    assert settings_for_vehicle(small_car(), FlowSettings(absorbing_width=0.3)).zone_width == 0.3
     grid = vehicle_window(small_car(), 0.1, Water(0.3))
     assert 2.0 * car.zone_width < min(-grid.y_faces[0], grid.x_faces[-1], -grid.x_faces[0]) * 2.0
 

@@ -1,8 +1,10 @@
 """The plan of a vehicle's runs: ranges by Froude's law, an even fill, what a budget buys, and the folder of runs."""
 
+import itertools
 import json
 import math
 import os
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -95,19 +97,22 @@ def test_drives_teach_with_a_captive_run_for_every_three_and_some_of_both_are_ke
     taught, moved = ([t for t in some if t.role == "teach"] for some in (drives, captive))
     assert len(moved) >= 3 and 0 <= len(taught) - LEAST_DRIVES - DRIVES_A_ROUND * (len(moved) - 1) <= DRIVES_A_ROUND
     judges, kept = ([t for t in some if t.role == "apart"] for some in (drives, captive))
-    assert len(kept) == 1 + (len(moved) - 1) // (APART - 1)
+    assert len(kept) == 1 + (len(moved) - 1) // (APART - 1) and abs(len(judges) - len(moved)) <= 1
     assert [maneuver_name(task.maneuver) for task in judges[:3]] == ["lane change", "circle", "straight"]
     assert {maneuver_name(task.maneuver) for task in taught} == {"multisine of the steering"}
     assert {task.soil for task in taught[:3]} == {task.soil for task in judges[:3]} == set(SOILS)
-    fastest = [task.water for task in taught[:4] if task.water.current_speed > 0.0]
-    assert [abs(math.remainder(water.current_direction, math.tau)) for water in fastest] == pytest.approx(
-        [math.pi, 0.0]
+    ahead, behind = (
+        [t for t in taught[:7] if t.water.current_speed > 1.4 and abs(math.cos(t.water.current_direction) - c) < 1e-9]
+        for c in (-1.0, 1.0)
     )
+    assert ahead and behind  # the fastest current, and among the first four runs some within the ranges
+    low, high = WANTED.depths(CAR)
+    assert sum(low + 1e-6 < task.water.depth < high - 1e-6 for task in taught[:LEAST_DRIVES]) == 2
 
 
 @pytest.mark.parametrize("car", [CAR, light_4x4()], ids=["amphibious", "car"])
 def test_drives_that_teach_stay_within_what_the_vehicle_can(car):
-    """All speeds occur, standing and reversing among them; no drive is like another; half are steered in one half."""
+    """All speeds occur, standing and reversing among them; no drive is like another; some are straight in one half."""
     unit = time_scale(car)
     usual, limit = usual_speed(car) / car.wheel.radius, min(STEERING, car.steering.limit)
     instants = np.linspace(0.0, 8.0 * unit, 801)
@@ -119,20 +124,32 @@ def test_drives_that_teach_stay_within_what_the_vehicle_can(car):
         assert speed[0] == 0.0 and abs(speed).max() <= 1.05 * FASTEST and angle[0] == 0.0 and abs(angle).max() <= 1.02
         assert max(abs(drive.steering(t)[1]) for t in instants) < 2.0 * math.tau * HIGHEST / unit * limit
         met.append(speed[-1])
-        steered.append([float(np.abs(half).max()) for half in np.array_split(angle, 2)])
+        steered.append([float(np.abs(part).max()) for part in np.array_split(angle, 8)])
     assert min(met) < -0.3 and any(abs(speed) < 1e-6 for speed in met) and max(met) > 0.9
-    early, late = np.array(steered).T
-    assert (early < 0.2).any() and (late[2::3] < late.max()).all() and np.minimum(early, late).max() > 0.3
+    whole, late, early = (np.array(steered[kind::3]) for kind in range(3))
+    assert late[:, :4].max() < 1e-3 < 0.2 < late[:, 5:].max(axis=1).min()
+    assert early[:, 6:].max() < 1e-3 < 0.2 < early[:, 1:5].max(axis=1).min()
+    assert min(whole[:, 1:4].max(axis=1).min(), whole[:, 4:].max(axis=1).min()) > 0.2
     assert len({round(speed, 3) for speed in met}) > 6
+
+
+@pytest.mark.parametrize("duration", [0.05, 8.0, 1e3, 1e4])
+def test_drives_of_any_length_are_made_in_a_moment(duration):
+    begin = time.process_time()
+    drive = teaching_drive(CAR, 24, duration)
+    assert time.process_time() - begin < 20.0
+    steepest = max(abs(drive.steering(t)[0]) for t in np.linspace(0.0, min(duration, 40.0), 400))
+    assert 0.1 * STEERING < steepest < 1.05 * STEERING
 
 
 # -- budget ------------------------------------------------------------------------------------------------------------
 
 
 def test_a_larger_budget_adds_runs_to_those_of_a_smaller_one(plan):
-    less = make_plan(CAR, WANTED, 0.15, 0.045, ENVELOPE)
-    assert {task.name for task in less.tasks} < {task.name for task in plan.tasks}
-    for made in (less, plan):
+    plans = [make_plan(CAR, WANTED, budget, 0.045, ENVELOPE) for budget in np.linspace(0.15, 0.4, 11)]
+    names = [[task.name for task in made.tasks] for made in plans]
+    assert all(more[: len(less)] == less for less, more in itertools.pairwise(names)) and len(names[0]) < len(names[-1])
+    for made in plans:
         assert made.core_hours + made.training_hours <= made.budget
         cheapest = min(task.cost.seconds for task in made.tasks) / 3600.0
         assert made.core_hours + made.training_hours > made.budget - 4.0 * cheapest
