@@ -89,6 +89,11 @@ def test_a_card_holds_for_all_of_its_members_alone(file, change):
     assert card_of(change(load_members(file))) is None
 
 
+def test_a_card_of_before_there_were_several_soils_still_holds(file):
+    old = {name: value for name, value in CARD.items() if name != "soils"} | {"soil": "LETE sand"}
+    assert card_of([with_card(member, old) for member in load_members(file)]) == CARD
+
+
 def test_a_damaged_file_is_refused(file, tmp_path):
     data = bytearray(file.read_bytes())
     data[-3] ^= 0xFF

@@ -194,7 +194,7 @@ def test_flow_in_the_loop_says_how_well_it_repeats():
     assert "no vehicle was measured in water" in found.line
     coarse = trust_of(replace(RUN, hydrodynamics=CfdHydrodynamics(cell_size=0.03, allow_coarse=True)))
     assert coarse.status == "beyond"
-    assert "cells of 30 mm (15 to 18 mm)" in coarse.line
+    assert "cells of 30 mm (15 to 22 mm)" in coarse.line
 
 
 # -- beyond ------------------------------------------------------------------------------------------------------------
