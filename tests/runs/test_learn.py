@@ -170,7 +170,8 @@ def test_what_is_wrong_in_a_folder_is_said_before_anything_is_computed(tmp_path,
 def test_the_whole_with_the_flow(tmp_path, monkeypatch):
     """On cells that resolve nothing and for a second in all: it runs to its end, and again with nothing to do."""
     monkeypatch.setattr("exumob.learning.envelope.envelope_of", lambda vehicle, waters, progress=None: ENVELOPE)
-    arguments = ["learn", "--output", tmp_path / "out", "--budget", "0.01", "--cell-size", "0.08", "--run-time", "0.2",
+    monkeypatch.setattr("exumob.learning.plan.LEAST_DRIVES", 1)  # each takes two seconds of spin-up
+    arguments = ["learn", "--output", tmp_path / "out", "--budget", "0.002", "--cell-size", "0.08", "--run-time", "0.2",
                  "--seeds", "1", "--depth", "0.4:0.6", "--current", "0:0.5", "--directions", "ahead"]  # fmt: skip
     call = [str(argument) for argument in arguments]
     answer = CliRunner().invoke(app, call, env={"COLUMNS": "200", "TERM": "dumb"})

@@ -10,6 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
+from made_up_learning import ENVELOPE
 
 from exumob import ConstantSteer, Soil, load_vehicle, simulate
 from exumob.simulation.result_files import load_dataset, save_dataset
@@ -225,8 +226,9 @@ def test_tuned_driver_holds_the_line_better_than_an_open_loop(tmp_path):
     assert float(result["end_yaw_deg"].sel(driver="tuned")) == pytest.approx(16.2, abs=1.0)  # amidst the line
 
 
-def test_excitation_study_compares_sets_of_runs(tmp_path):
+def test_excitation_study_compares_sets_of_runs(tmp_path, monkeypatch):
     """Two sets of two short runs on coarse cells, and three that judge."""
+    monkeypatch.setattr("exumob.learning.envelope.envelope_of", lambda vehicle, waters, progress=None: ENVELOPE)
     study = load_study("excitation")
     found = study.main(quick=True, folder=tmp_path)
     assert list(found["set"].values) == ["lane changes", "multisines and steps"] and found.sizes["seconds"] == 1
