@@ -108,6 +108,7 @@ def tasks_of(
     for kind in SETS[1:4]:
         kinds[kind] = [captive(task, kind) for task in teachers]
     drives = [task for task in plan.tasks if isinstance(task, FreeTask) and task.role == "teach"]
+    drives.sort(key=lambda task: task.name)  # by number: a plan takes them in another order
     kinds["drives"] = [dataclasses.replace(task, name=task.name[:9]) for task in drives[:count]]
     return kinds, judges
 
