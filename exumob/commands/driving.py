@@ -268,7 +268,7 @@ def drive(
         if scene.water is not None and options.model is WaterModel.cfd:
             flow = flow_of(scene)
             with option_names():
-                model, lead = _flow_in_loop(flow, scene.water, lambda time: progress[0](time))
+                model, lead = _flow_in_loop(flow, scene.vehicle, scene.water, lambda time: progress[0](time))
             scheme = _scheme(flow.coupling)
         else:
             model = model_named(options.model, scene.vehicle, scene.water, options.networks)
@@ -350,7 +350,9 @@ def soil_with(name: str, values: list[str]) -> Soil:
         raise ValueError(str(error).replace("Soil.", "--soil-value ")) from None
 
 
-def _flow_in_loop(flow: FlowOptions, water: Water, progress: Callable[[float], None]) -> tuple[CfdHydrodynamics, float]:
+def _flow_in_loop(
+    flow: FlowOptions, vehicle: Vehicle, water: Water, progress: Callable[[float], None]
+) -> tuple[CfdHydrodynamics, float]:
     """Make the flow solver in the loop; the time before the release [s] comes with it."""
     from exumob.coupling.flow_code import BuiltInFlow
     from exumob.coupling.flow_in_loop import CfdHydrodynamics
@@ -360,7 +362,7 @@ def _flow_in_loop(flow: FlowOptions, water: Water, progress: Callable[[float], N
         flow.cell_size, settings=FlowSettings(threads=flow.threads), allow_coarse=flow.coarse, snapshots=flow.snapshots
     )
     model = CfdHydrodynamics(code, progress=progress)
-    return model, model.spin_up.duration(water)
+    return model, model.spin_up.for_vehicle(vehicle).duration(water)
 
 
 def _scheme(name: Scheme) -> Coupling:

@@ -161,7 +161,7 @@ class CfdHydrodynamics:
         """
         if not isinstance(self.flow, BuiltInFlow):
             return None
-        plan = self.spin_up
+        plan = self.spin_up.for_vehicle(vehicle)
         held = self.flow.cost(vehicle, water, water.greatest_speed, plan.duration(water), plan.interval)
         run = self.flow.cost(vehicle, water, speed, duration, macro_step)
         return replace(run, steps=held.steps + advances * run.steps, seconds=held.seconds + advances * run.seconds)
@@ -174,7 +174,7 @@ class CfdHydrodynamics:
     ) -> None:  # fmt: skip
         """Find vehicle and water in equilibrium: settled, held, settled anew; see `FlowSpinUp`."""
         water = _required(water)
-        plan = self.spin_up
+        plan = self.spin_up.for_vehicle(vehicle)
         self._spin_up_times, self._spin_up_wrenches = [], []
         self._keep, self._last_save = keep, -math.inf
         self.flow.start(vehicle, water, self._poses_at_ride_height(vehicle), 0.0)  # refuses what it cannot run

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
 from exumob.driving.maneuver import RAMP_TIME, smooth_step
 from exumob.flow.poses import Poses
+from exumob.flow.vehicle_window import vehicle_length
 from exumob.support.declared import Declared, checked
 from exumob.support.quantities import Quantity
+from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 
 
@@ -29,21 +31,55 @@ class FlowSpinUp(Declared):
     wrenches found during `hold`, and is moved to its new place of rest during `adjustment`.
     """
 
-    ramp: Annotated[float, RAMP_TIME] = 1.0
-    """From drifting with the current to rest [s]; left out in calm water"""
-    hold: Annotated[float, RAMP_TIME] = 0.5
-    """At rest, after the ramp [s]; the mean wrenches are taken over its second half"""
-    adjustment: Annotated[float, RAMP_TIME] = 0.5
-    """From the first to the final place of rest, in the first half, and waiting there, in the second [s]"""
-    interval: Annotated[float, Quantity("s", at_least=1e-6, at_most=1.0)] = 4.0e-3
-    """Between the poses given to the flow before the adjustment [s]; the adjustment is made in macro steps"""
+    ramp: Annotated[float | None, RAMP_TIME] = None
+    """From drifting with the current to rest [s]; left out in calm water. None: as long as suits the vehicle's size,
+    by Froude's law: 1 s for the paper's (`for_vehicle`)"""
+    hold: Annotated[float | None, RAMP_TIME] = None
+    """At rest, after the ramp [s]; the mean wrenches are taken over its second half. None: 0.5 s for the paper's
+    vehicle"""
+    adjustment: Annotated[float | None, RAMP_TIME] = None
+    """From the first to the final place of rest, in the first half, and waiting there, in the second [s]. None: 0.5 s
+    for the paper's vehicle"""
+    interval: Annotated[float | None, Quantity("s", at_least=1e-6, at_most=1.0)] = None
+    """Between the poses given to the flow before the adjustment [s]; the adjustment is made in macro steps. None: 4 ms
+    for the paper's vehicle, a quarter of `hold` at most"""
 
     def _check(self) -> None:
-        if self.interval > 0.25 * self.hold:
-            raise ValueError(
-                f"FlowSpinUp.interval = {self.interval:g} s must be at most a quarter of hold = {self.hold:g} s; use a "
-                "shorter interval."
-            )
+        interval, hold = self.interval, self.hold
+        if interval is not None and hold is not None and interval > LONGEST_INTERVAL * hold:
+            _refuse_interval(interval, hold)
+
+    def for_vehicle(self, vehicle: Vehicle) -> SpinUpTimes:
+        """Return the times for a vehicle: those given, and for the others those of the paper's vehicle, scaled.
+
+        By Froude's law the water round a vehicle some times as large takes the root of that times as long
+        (`exumob.flow.vehicle_window.vehicle_length`).
+
+        Raises
+        ------
+        ValueError
+            If an interval was given that is longer than a quarter of the time at rest.
+        """
+        scale = math.sqrt(vehicle_length(vehicle))
+        given = asdict(self)
+        times = SpinUpTimes(**{
+            name: usual * scale if given[name] is None else given[name] for name, usual in asdict(USUAL).items()
+        })  # fmt: skip
+        if times.interval <= LONGEST_INTERVAL * times.hold:
+            return times
+        if self.interval is not None:
+            _refuse_interval(times.interval, times.hold)
+        return replace(times, interval=LONGEST_INTERVAL * times.hold)
+
+
+@dataclass(frozen=True)
+class SpinUpTimes:
+    """Times of a vehicle's spin-up [s]; see `FlowSpinUp`, which makes them."""
+
+    ramp: float
+    hold: float
+    adjustment: float
+    interval: float
 
     def ramp_in(self, water: Water) -> float:
         """Return the duration of the ramp in this water [s]: 0 without a current."""
@@ -52,6 +88,18 @@ class FlowSpinUp(Declared):
     def duration(self, water: Water) -> float:
         """Return the time from the begin of the spin-up to the release in this water [s]."""
         return math.fsum((self.ramp_in(water), self.hold, self.adjustment))
+
+
+USUAL = SpinUpTimes(ramp=1.0, hold=0.5, adjustment=0.5, interval=4.0e-3)
+"""Times of a vehicle of 1 m, as the paper's."""
+LONGEST_INTERVAL = 0.25
+"""Longest interval between poses, over the time at rest [-]."""
+
+
+def _refuse_interval(interval: float, hold: float) -> None:
+    raise ValueError(
+        f"FlowSpinUp.interval = {interval:g} s must be at most a quarter of hold = {hold:g} s; use a shorter interval."
+    )
 
 
 @checked

@@ -19,6 +19,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
+from exumob.coupling.spin_up import FlowSpinUp
 from exumob.driving.maneuver import LaneChange, Maneuver
 from exumob.flow import FlowSettings
 from exumob.flow.cost import COURANT_FACTOR, FlowCost, flow_cost
@@ -70,8 +71,6 @@ TOO_FAST = 3.0
 """Highest frequency in captive runs over that of the drives above which a plan says so [-]."""
 ADVANCES = 1.1
 """How often the flow goes through a macro step, on average [-]."""
-SPIN_UP = 2.0
-"""Time of the flow before the release of a drive [s]."""
 
 
 @dataclass(frozen=True)
@@ -497,7 +496,8 @@ def _drive(
     water, maneuver, duration, soil = what
     speed = (FASTEST if role == "teach" else 1.0) * usual_speed(costs.vehicle) + water.current_speed
     macro_step = min(max(costs.longest_step(water, speed), MICRO_STEP), LONGEST_MACRO_STEP)
-    held = costs.flow(water, max(water.current_speed, 1e-3), SPIN_UP, 4e-3)
+    before = FlowSpinUp().for_vehicle(costs.vehicle)
+    held = costs.flow(water, max(water.current_speed, 1e-3), before.duration(water), before.interval)
     driven = costs.flow(water, speed, duration, macro_step)
     cost = replace(
         driven, steps=held.steps + ADVANCES * driven.steps,

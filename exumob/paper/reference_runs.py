@@ -63,9 +63,9 @@ class FlowRun:
     """Interval at which vehicle and water exchange motion and loads [s]"""
     duration: float = 8.0
     """Simulated time [s]"""
-    hold: float = FlowSpinUp.hold
-    """Time at rest during the spin-up [s]: runs that differ in it alone are repetitions, with the flow in another phase
-    at the release"""
+    hold: float | None = None
+    """Time at rest during the spin-up [s], None as usual: runs that differ in it alone are repetitions, with the flow
+    in another phase at the release"""
 
     @property
     def name(self) -> str:
@@ -73,7 +73,7 @@ class FlowRun:
         window = "_doubled" if self.doubled else ""
         step = "_following" if isinstance(self.macro_step, FollowFlow) else f"_{1e3 * self.macro_step:g}ms"
         step = "" if self.macro_step == MACRO_STEP else step
-        hold = f"_hold{self.hold:g}s" if self.hold != FlowSpinUp.hold else ""
+        hold = f"_hold{self.hold:g}s" if self.hold is not None else ""
         return f"{self.scenario.file_stem}_{1e3 * self.cell_size:g}mm{window}{step}{hold}"
 
     def compute(self, vehicle: Vehicle, work: Path) -> Path:

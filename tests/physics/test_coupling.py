@@ -230,7 +230,7 @@ def test_bad_input_is_named(vehicle, sand):
     with pytest.raises(ValueError, match="cell_size and allow_coarse are those of the own solver"):
         CfdHydrodynamics(StandIn(), cell_size=0.02)
     with pytest.raises(ValueError, match=r"FlowSpinUp\.interval = 0\.3 s must be at most a quarter of hold"):
-        FlowSpinUp(interval=0.3)
+        FlowSpinUp(interval=0.3, hold=0.5)
     with pytest.raises(ValueError, match=r"Strong\.tolerance = 2\.0 must be >= 1e-08 and <= 0\.5"):
         Strong(tolerance=2.0)
     with pytest.raises(ValueError, match=r"Strong\.method = 'newton' is not known"):

@@ -2,7 +2,7 @@
 
 import inspect
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from exumob.coupling.explicit import Explicit
 from exumob.coupling.flow_code import BuiltInFlow
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
 from exumob.coupling.semi_implicit import SemiImplicit
-from exumob.coupling.spin_up import FlowSpinUp, poses_between, poses_during_ramp
+from exumob.coupling.spin_up import USUAL, FlowSpinUp, poses_between, poses_during_ramp
 from exumob.coupling.strong import Strong
 from exumob.driving.path_following import PathFollowing
 from exumob.flow import (
@@ -37,6 +37,7 @@ from exumob.flow.resolution import check_resolution
 from exumob.flow.vehicle_window import doubled_window, settings_for_vehicle, vehicle_window
 from exumob.towing_tank import CaptiveMotion, captive_run, captive_summary
 from exumob.towing_tank.plots import plot_captive
+from exumob.vehicle.scaled import scaled_vehicle
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.small_car import small_car
@@ -113,7 +114,7 @@ def test_the_wrong_kind_is_refused_by_name(function):
             lambda: CaptiveMotion(driver=PathFollowing(((0, 0), (5, 0)))),
             r"driver = PathFollowing answers",
         ),
-        (lambda: FlowSpinUp(hold=0.01), r"FlowSpinUp\.interval = 0\.004 s must be at most a quarter of hold = 0\.01"),
+        (lambda: FlowSpinUp(hold=0.01, interval=0.004), r"FlowSpinUp\.interval = 0\.004 s must .* quarter of hold = 0\.01"),
         (lambda: FlowSpinUp(ramp=5e-324), r"FlowSpinUp\.ramp = 5e-324 s"),
         (lambda: Explicit(within_step="constant"), r"Explicit\.within_step = 'constant' is not known; use 'held' or"),
         (lambda: Strong(iterations=2.5), r"Strong\.iterations = 2\.5 .*whole number"),
@@ -173,3 +174,16 @@ def test_what_is_right_is_taken_in_any_kind():
     poses = Poses(FIVE.tolist(), ONE.tolist(), FIVE, FIVE, range(5))
     assert poses.spin.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
     assert poses.position.flags.writeable
+
+
+def test_spin_up_lasts_as_long_as_suits_the_vehicle():
+    """By Froude's law: four times as large, twice as long; exactly as ever for the paper's; what is given stays."""
+    paper, large = amphibious_vehicle(), scaled_vehicle(amphibious_vehicle(), 4.0)
+    assert FlowSpinUp().for_vehicle(paper) == USUAL
+    for name, time in asdict(FlowSpinUp().for_vehicle(large)).items():
+        assert time == pytest.approx(2.0 * getattr(USUAL, name)), name
+    given = FlowSpinUp(hold=0.01, ramp=0.3).for_vehicle(large)
+    assert (given.ramp, given.hold, given.adjustment) == (0.3, 0.01, pytest.approx(1.0))
+    assert given.interval == pytest.approx(0.0025)
+    with pytest.raises(ValueError, match=r"FlowSpinUp\.interval = 0\.3 s must be at most a quarter of hold = 1 s"):
+        FlowSpinUp(interval=0.3).for_vehicle(large)
