@@ -114,7 +114,7 @@ def test_the_wrong_kind_is_refused_by_name(function):
             lambda: CaptiveMotion(driver=PathFollowing(((0, 0), (5, 0)))),
             r"driver = PathFollowing answers",
         ),
-        (lambda: FlowSpinUp(hold=0.01, interval=0.004), r"FlowSpinUp\.interval = 0\.004 s must .* quarter of hold = 0\.01"),
+        (lambda: FlowSpinUp(hold=0.01, interval=0.004), r"FlowSpinUp\.interval = 0\.004 s .* quarter of hold = 0\.01"),
         (lambda: FlowSpinUp(ramp=5e-324), r"FlowSpinUp\.ramp = 5e-324 s"),
         (lambda: Explicit(within_step="constant"), r"Explicit\.within_step = 'constant' is not known; use 'held' or"),
         (lambda: Strong(iterations=2.5), r"Strong\.iterations = 2\.5 .*whole number"),
