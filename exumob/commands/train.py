@@ -11,6 +11,8 @@ from exumob.commands.options import EXPERT, OUTPUT, RUN, VehicleFile, option, op
 from exumob.commands.shared import console, counting_bar, errors, fail, vehicle_of, write_or_say
 from exumob.support.quantities import shown
 
+DATA = Path("data/cfd_mbd")
+"""Folder of the runs that come with exumob."""
 MOST = 1000
 """Most seeds and processes."""
 
@@ -19,7 +21,10 @@ def train_command(
     preset: Annotated[
         list[str] | None, option(RUN, "What to train, by name; repeatable. Default: all presets.")
     ] = None,
-    data: Annotated[Path, option(RUN, "Folder of CFD-MBD runs (packed or imported, netCDF).")] = Path("data/cfd_mbd"),
+    data: Annotated[
+        list[Path] | None,
+        option(RUN, "Folder of CFD-MBD runs (packed or imported, netCDF); repeatable. Default: data/cfd_mbd."),
+    ] = None,
     seeds: Annotated[int, option(RUN, "Number of networks of each body: seeds 0, 1, ...")] = 5,
     vehicle: VehicleFile = None,
     output: Annotated[Path, option(OUTPUT, "Folder for the networks.")] = Path("networks"),
@@ -44,7 +49,7 @@ def train_command(
             if not 1 <= number <= MOST:
                 raise ValueError(f"{name} {shown(number)} must be 1 to {MOST}; give a number within.")
         with option_names():
-            runs = training_runs(data)
+            runs = training_runs(data or [DATA])
         car = vehicle_of(vehicle)
     except (ValueError, OSError) as error:
         fail(error)

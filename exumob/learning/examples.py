@@ -60,24 +60,32 @@ class Examples:
 
 
 @checked
-def training_runs(folder: str | Path) -> dict[str, xr.Dataset]:
-    """Runs of a folder by name, without those kept for the final evaluation (`exumob.paper.scenarios.UNSEEN`).
+def training_runs(folder: str | Path | Sequence[str | Path]) -> dict[str, xr.Dataset]:
+    """Runs to learn from in one or several folders, by name.
+
+    Runs that are kept for evaluation are left out: those of the paper (`exumob.paper.scenarios.UNSEEN`), and those
+    whose attribute ``role`` is "apart" (`exumob.learning.plan`).
 
     Raises
     ------
     ValueError
-        If there is no such folder, or it holds fewer than two.
+        If there is no such folder, they hold fewer than two, or two runs of the same name.
     """
-    if not Path(folder).is_dir():
-        what = "is a file" if Path(folder).exists() else "does not exist"
-        raise ValueError(f"training_runs.folder = {folder} {what}; give a folder of runs (netCDF).")
-    files = sorted(Path(folder).glob("*.nc"))
+    folders = [folder] if isinstance(folder, str | Path) else list(folder)
+    files: list[Path] = []
+    for one in map(Path, folders):
+        if not one.is_dir():
+            what = "is a file" if one.exists() else "does not exist"
+            raise ValueError(f"training_runs.folder = {one} {what}; give a folder of runs (netCDF).")
+        files += sorted(one.glob("*.nc"))
     unseen = {scenario.file_stem for scenario in UNSEEN}
     found = load_runs(file for file in files if file.stem not in unseen)
-    runs = {name: run for name, run in found.items() if name not in {scenario.name for scenario in UNSEEN}}
+    apart = {scenario.name for scenario in UNSEEN}
+    runs = {name: run for name, run in found.items() if name not in apart and run.attrs.get("role") != "apart"}
     if len(runs) < 2:
+        where = f"the folder {folders[0]} holds" if len(folders) == 1 else f"{len(folders)} folders hold"
         raise ValueError(
-            f"training_runs: the folder {folder} holds {len(runs)} runs to learn from, and two at "
+            f"training_runs: {where} {len(runs)} runs to learn from, and two at "
             "least are needed (one is for validation); "
             "studies/generate_training_data.py makes them, exumob.learning.importing reads yours."
         )

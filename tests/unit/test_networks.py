@@ -292,6 +292,14 @@ def test_evaluation_runs_are_never_learnt_from(runs, tmp_path):
         save_dataset(runs["D60/U1"].assign_attrs(scenario=name), tmp_path / f"{n}.nc")  # whatever the file's name
     assert set(training_runs(tmp_path)) == {"D40/U0", "D60/U1"}
     (tmp_path / "empty").mkdir()
+    (tmp_path / "more").mkdir()
+    for name, role in (("drive", "teach"), ("judge", "apart")):
+        save_dataset(runs["D60/U1"].assign_attrs(scenario=name, role=role), tmp_path / "more" / f"{name}.nc")
+    assert set(training_runs([tmp_path, str(tmp_path / "more")])) == {"D40/U0", "D60/U1", "drive"}
+    with pytest.raises(ValueError, match="2 folders hold 1 runs to learn from"):
+        training_runs([tmp_path / "empty", tmp_path / "more"])
+    with pytest.raises(ValueError, match="there is another run of D40/U0"):
+        training_runs([tmp_path, tmp_path])
     for folder, said in (
         ("empty", "holds 0 runs"),
         ("nowhere", "does not exist; give a folder"),
