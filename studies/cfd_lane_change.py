@@ -22,7 +22,7 @@ from common import CFD_RUNS, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob import Soil, lane_change, simulate
-from exumob.learning.compact import compact, thinned
+from exumob.learning.compact import DRIVEN, thinned
 from exumob.learning.dataset import load_run, pack
 from exumob.paper.reference_runs import SOIL, FlowRun, compute_all, set_up_log, work_folder
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
@@ -85,8 +85,8 @@ def flow_runs(runs: Mapping[str, FlowRun], jobs: int, present_only: bool) -> dic
             found[name] = load_dataset(whole)
             if not packed.exists():
                 packed.parent.mkdir(parents=True, exist_ok=True)
-                kept = compact if packed.parent == CFD_RUNS else thinned
-                save_dataset(kept(pack(found[name])), packed)
+                kept = None if packed.parent == CFD_RUNS else DRIVEN
+                save_dataset(thinned(pack(found[name]), kept), packed)
         elif packed.exists():
             found[name] = load_run(packed)
     missing = {run: name for name, run in runs.items() if name not in found}

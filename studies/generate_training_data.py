@@ -17,7 +17,7 @@ from pathlib import Path
 import xarray as xr
 from common import CFD_RUNS, study_parser
 
-from exumob.learning.compact import compact
+from exumob.learning.compact import thinned
 from exumob.learning.dataset import pack
 from exumob.paper.reference_runs import CELL_SIZE, FlowRun, compute_all, set_up_log, work_folder
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
@@ -37,7 +37,7 @@ def generate(
     wanted = [FlowRun(s, cell_size, duration=duration) for s, file in files.items() if not file.exists()]
     for run, result in compute_all(wanted, amphibious_vehicle(), work or work_folder(), jobs) if wanted else ():
         if isinstance(result, xr.Dataset):
-            logger.info("%s: %s", run.name, save_dataset(compact(pack(result)), files[run.scenario]))
+            logger.info("%s: %s", run.name, save_dataset(thinned(pack(result), None), files[run.scenario]))
     there = {s.name: file for s, file in files.items() if file.exists()}
     runs = [load_dataset(file) for file in there.values()]
     hours = [(r.attrs["wall_time"] + r.attrs["settling_wall_time"]) / 3600.0 for r in runs]

@@ -22,6 +22,7 @@ from common import CFD_RUNS, FIGURES, add_workers, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob import Soil, load_dataset
+from exumob.learning.dataset import load_runs
 from exumob.mobility.crossing import FAILURES, Crossing, Limits, judge_crossing
 from exumob.mobility.map import Axis, MobilityMap, compute_map
 from exumob.mobility.map_figure import plot_map
@@ -77,7 +78,7 @@ def refinement(crossing: Crossing, folder: Path, levels: int, workers: int) -> d
 def against_flow(experiment: Experiment, folder: Path, workers: int) -> xr.Dataset:
     """Judge the CFD-MBD runs, and the ensemble straight ahead in the same water."""
     files = sorted(CFD_RUNS.glob("*.nc"))
-    runs = {str(run.attrs["scenario"]): run for run in map(load_dataset, files)}
+    runs = load_runs(files)
     scenarios = [Scenario.named(name) for name in runs]
     cases = [{"water.depth_ratio": s.depth_ratio, "water.current_speed": s.current_speed} for s in scenarios]
     swept = sweep(Crossing(experiment, LIMITS), cases, folder, workers=workers)

@@ -17,7 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from exumob.learning.compact import DERIVED, MARK, THINNED, filled
+from exumob.learning.compact import DERIVED, MARK, THINNED, filled, jumps
 from exumob.simulation import verdict
 from exumob.simulation.result_files import load_dataset
 from exumob.simulation.results import VARIABLES as RESULTS
@@ -76,8 +76,6 @@ MOST_SPEED = 100.0
 """Largest speed of a body that is plausible [m/s]."""
 LEAST_MOTION = 1e-3
 """Distance that some body moves at least in a run to learn from [m]."""
-JUMP = 10.0
-"""Limit beyond which raw loads count as a jump, see `usable` [-]."""
 JUMP_REACH = 20
 """Number of instants left out on either side of a jump."""
 
@@ -444,21 +442,16 @@ def windows(
 
 
 def usable(run: xr.Dataset) -> NDArray[np.bool_]:
-    """Mark the instants whose loads are the water's, which those near a jump of the coupling are not.
-
-    At a jump the raw loads of some body differ from the smoothed ones by more than `JUMP` times the difference that
-    99 % of the instants stay below, and by 1 N or N m at least.
+    """Mark the instants whose loads are the water's, which those near a jump are not (`exumob.learning.compact.jumps`).
 
     Returns
     -------
     array of bool, shape (n,)
         False near a jump.
     """
-    off = np.abs(run["water_wrench"].values - run["water_wrench_smooth"].values)
-    limit = np.maximum(JUMP * np.quantile(off, 0.99, axis=0), 1.0)
-    jumps = np.flatnonzero((off > limit).any(axis=(1, 2)))
-    good = np.ones(len(off), bool)
-    for jump in jumps:
+    time = run["time"].values
+    good = np.ones(len(time), bool)
+    for jump in np.searchsorted(time, jumps(run) - 0.5 * SAMPLING):
         good[max(jump - JUMP_REACH, 0) : jump + JUMP_REACH + 1] = False
     return good
 

@@ -34,7 +34,6 @@ from exumob.towing_tank.excitation import CHANNELS, FREE_STEERING, SLOW, Envelop
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
 from exumob.water.mesh_file import mesh_digest
-from exumob.water.wave_loads import fitted_coefficients
 
 logger = logging.getLogger(__name__)
 
@@ -182,11 +181,14 @@ def stored_envelope(
 
 
 def keep_envelope(envelope: Envelope, vehicle: Vehicle, wanted: LearningRange, folder: Path) -> None:
-    """Keep an envelope, so that a run that goes on is the one that was begun."""
+    """Keep an envelope, so that the runs of a folder stay those that were planned."""
     write_text(folder / f"envelope_{envelope_key(vehicle, wanted)}.json", json.dumps(asdict(envelope)))
 
 
 def envelope_key(vehicle: Vehicle, wanted: LearningRange) -> str:
-    """Return a short hash of all that an envelope is made from, but for the program and the vehicle's name."""
-    made = parameters_json({"vehicle": nameless(vehicle), "range": wanted}) + mesh_digest(vehicle.hull)
-    return digest(made + fitted_coefficients().digest())
+    """Return a short hash of the vehicle, but for its name, and of the range.
+
+    The coefficients with which the drives were made have no part in it: a folder keeps the envelope of its first plan,
+    so that its runs stay those that were planned when a later version of exumob has other coefficients.
+    """
+    return digest(parameters_json({"vehicle": nameless(vehicle), "range": wanted}) + mesh_digest(vehicle.hull))

@@ -13,7 +13,8 @@ import xarray as xr
 from made_up_learning import ENVELOPE
 
 from exumob import ConstantSteer, Soil, load_vehicle, simulate
-from exumob.simulation.result_files import load_dataset, save_dataset
+from exumob.learning.dataset import load_run
+from exumob.simulation.result_files import save_dataset
 from exumob.support.measured import measured_errors
 from exumob.surrogates.model import shipped_networks
 from exumob.surrogates.networks import Architecture, NetworkSet
@@ -151,7 +152,7 @@ def test_ablation_study_pairs_seeds_and_measures_memory():
     lines = study.paired(table).splitlines()
     assert lines[2].startswith("| path [%] | -0.62 | 0.38 |") and lines[2].endswith("| 3 of 4 |")
 
-    run = load_dataset(ROOT / "data" / "cfd_mbd" / "D50_U0.5.nc").isel(time=slice(2500, 3500))
+    run = load_run(ROOT / "data" / "cfd_mbd" / "D50_U0.5.nc").isel(time=slice(2500, 3500))
     architecture = Architecture(("forward_speed", "yaw_rate"), taps=3, stride=100, width=4, dense=3)
     rng = np.random.default_rng(0)
     arrays = {name: rng.standard_normal((5, *shape)) for name, shape in architecture.shapes().items()}

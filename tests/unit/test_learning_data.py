@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from exumob import Soil, Water, lane_change, simulate
 from exumob.learning.compact import DERIVED, GRAIN, compact, thinned
-from exumob.learning.dataset import DOUBLE, VARIABLES, load_runs, pack
+from exumob.learning.dataset import DOUBLE, VARIABLES, load_runs, pack, usable
 from exumob.learning.evaluation import closed_loop
 from exumob.learning.importing import import_histories
 from exumob.paper.scenarios import DRAWN, TRAINING, UNSEEN, Scenario
@@ -133,6 +133,26 @@ def test_a_thinned_run_judges_as_the_whole_one(run, tmp_path):
     a, b = (data["water_wrench_smooth"].values[late].astype(float) for data in (found, packed))
     assert np.sqrt(np.mean((a - b) ** 2)) < 0.01 * b.std()
     assert closed_loop(found, packed)["final"] < 1e-3
+
+
+def test_a_thinned_run_keeps_all_that_it_is_asked_for_and_knows_its_jumps(run, tmp_path):
+    """A jump of one sample is not seen among every fourth one, and must not be learnt from all the same."""
+    packed = pack(run.assign_attrs(scenario="mine"))
+    packed["water_wrench"][501, 0, 2] += 500.0
+    assert np.flatnonzero(~usable(packed)).tolist() == list(range(481, 522))
+    file = save_dataset(thinned(packed, None), tmp_path / "run.nc")
+    found = load_runs([file])["mine"]
+    assert set(found.variables) == set(packed.variables)
+    assert np.flatnonzero(~usable(found)).tolist() == list(range(481, 522))
+    for name in ("sinkage", "soil_force", "steering_angle"):
+        off = np.abs(found[name].values - packed[name].values)[100:-100]
+        assert off.max() < 0.02 * np.ptp(packed[name].values), name
+    assert judge(found).sentence == judge(packed).sentence
+    calm = load_runs([save_dataset(thinned(pack(run)), tmp_path / "calm.nc")]).popitem()[1]
+    assert usable(calm)[100:].all()
+    damaged = save_dataset(thinned(packed).assign_attrs(jumps="early"), tmp_path / "damaged.nc")
+    with pytest.raises(ValueError, match=r"damaged\.nc: the attribute jumps is 'early', and must be times in seconds"):
+        load_runs([damaged])
 
 
 @pytest.mark.parametrize("every", [0, -4, "four", np.array([4, 4])], ids=str)

@@ -18,7 +18,7 @@ from exumob.learning import campaign
 from exumob.learning.campaign import LearningFolder, captive_histories
 from exumob.learning.dataset import check_run
 from exumob.learning.drives import FASTEST, HIGHEST, SOILS, STEERING, maneuver_name, teaching_drive
-from exumob.learning.envelope import envelope_key
+from exumob.learning.envelope import envelope_key, keep_envelope, stored_envelope
 from exumob.learning.plan import (
     APART,
     DRIVES_A_ROUND,
@@ -33,6 +33,7 @@ from exumob.learning.plan import (
 from exumob.simulation.result_files import save_dataset
 from exumob.simulation.settings import time_scale, usual_speed
 from exumob.towing_tank.excitation import SLOW
+from exumob.water.wave_loads import fitted_coefficients
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
 
@@ -265,6 +266,17 @@ def test_another_name_of_the_vehicle_keeps_its_runs(plan):
     others = {task.name for task in make_plan(heavier, WANTED, 0.4, 0.045, ENVELOPE).tasks}
     assert others.isdisjoint(task.name for task in plan.tasks)
     assert envelope_key(renamed, WANTED) == envelope_key(CAR, WANTED) != envelope_key(heavier, WANTED)
+
+
+def test_a_folder_keeps_the_envelope_of_its_first_plan(tmp_path, monkeypatch):
+    """Other coefficients, as a later version has them, would make other drives, and other captive runs."""
+    keep_envelope(ENVELOPE, CAR, WANTED, tmp_path)
+    other = replace(fitted_coefficients(), values=2.0 * fitted_coefficients().values)
+    monkeypatch.setattr("exumob.water.wave_loads.fitted_coefficients", lambda: other)
+    monkeypatch.setattr("exumob.water.calibrated.fitted_coefficients", lambda: other)
+    monkeypatch.setattr("exumob.learning.envelope.envelope_of", lambda *args: "made anew")
+    assert stored_envelope(replace(CAR, name="another"), WANTED, tmp_path) == ENVELOPE
+    assert stored_envelope(CAR, replace(WANTED, directions="ahead"), tmp_path) == "made anew"
 
 
 @pytest.mark.parametrize("run_time", [1.2345678, 0.3333, 0.0505])
