@@ -227,6 +227,7 @@ def test_tuned_driver_holds_the_line_better_than_an_open_loop(tmp_path):
     assert float(result["end_yaw_deg"].sel(driver="tuned")) == pytest.approx(16.2, abs=1.0)  # amidst the line
 
 
+@pytest.mark.slow
 def test_excitation_study_compares_sets_of_runs(tmp_path, monkeypatch):
     """Two sets of two short runs on coarse cells, and three that judge."""
     monkeypatch.setattr("exumob.learning.envelope.envelope_of", lambda vehicle, waters, progress=None: ENVELOPE)
