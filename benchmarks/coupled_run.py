@@ -32,8 +32,8 @@ from exumob.simulation.result_files import load_dataset
 from vehicle_models.amphibious import amphibious_vehicle
 
 WORST = Scenario.named("D60/U1")
-FIXED = [FlowRun(WORST, hold=hold) for hold in (0.5, 0.6, 0.7)]
-FOLLOWING = [FlowRun(WORST, macro_step=FollowFlow(), hold=hold) for hold in (0.5, 0.6, 0.7)]
+FIXED = [FlowRun(WORST, hold=hold) for hold in (None, 0.6, 0.7)]
+FOLLOWING = [FlowRun(WORST, macro_step=FollowFlow(), hold=hold) for hold in (None, 0.6, 0.7)]
 BEGIN = 0.5
 """Time from which loads are compared [s]: the wheels turn."""
 SMALLEST = 0.01

@@ -67,15 +67,6 @@ ModelOption = Annotated[
         "hour on 18 mm cells).",
     ),
 ]
-Networks = Annotated[
-    list[Path] | None,
-    option(
-        WATER,
-        "File of networks that `exumob train` or `learn` wrote; several, each after a --networks of its own, are an "
-        "ensemble. paper-lstm: the paper's, which come with exumob. Default: the ensemble that comes with it. With "
-        "--hydrodynamics calibrated: the coefficients that were fitted to the runs of these networks.",
-    ),
-]
 Members = Annotated[bool, option(WATER, "Drive with each network alone, too: error bars on the path.", "--members")]
 CheckpointFile = Annotated[
     Path | None, option(OUTPUT, "Keep the whole run in this file (.npz), every half second of simulated time.")
@@ -224,12 +215,9 @@ def model_named(
         If a file of networks is named twice, or `exumob.simulation.water_models.hydrodynamics_named` refuses it.
     """
     from exumob.simulation.water_models import hydrodynamics_named
+    from exumob.surrogates.ensemble import require_different
 
-    if len({file.resolve() for file in networks or []}) < len(networks or []):
-        raise ValueError(
-            f"--networks names a file twice ({', '.join(map(str, networks or []))}); an ensemble of the same "
-            "network agrees with itself. Give each once."
-        )
+    require_different("--networks", networks or [])
     name = "none" if model is WaterModel.cfd else model.value
     return hydrodynamics_named(name, vehicle, water, networks=networks)
 

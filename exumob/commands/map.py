@@ -13,6 +13,7 @@ from exumob.commands.options import (
     RUN,
     WATER,
     CurrentDirection,
+    Networks,
     Seed,
     SettingName,
     SettingOption,
@@ -20,6 +21,7 @@ from exumob.commands.options import (
     VehicleFile,
     Workers,
     option,
+    option_names,
     radians,
     refuse_without_effect,
     span,
@@ -47,6 +49,7 @@ def map_command(  # one argument an option of the command line
     hydrodynamics: Annotated[
         str, option(WATER, "Model of the water's loads: auto, networks, calibrated or coefficients.")
     ] = "auto",
+    networks: Networks = None,
     output: Annotated[Path, option(OUTPUT, "Folder of the map; the same command goes on with it.")] = Path("map"),
     figure: Annotated[Path | None, option(RUN, "Draw the map here (.png, .pdf, .svg).")] = None,
     csv: Annotated[Path | None, option(OUTPUT, "Write the nodes here as a table (.csv).")] = None,
@@ -82,6 +85,8 @@ def map_command(  # one argument an option of the command line
         experiment = replace(amphibious_crossing(), duration=4.0, setting=setting.value, hydrodynamics=hydrodynamics)
         if vehicle is not None:
             experiment = replace(experiment, vehicle=load_vehicle(vehicle))
+        with option_names():
+            experiment = experiment.with_networks(networks or [])
         direction = radians("--current-direction", current_direction, DIRECTION, unusual)
         experiment = experiment.with_values({"water.current_direction": direction})
         experiment.check()

@@ -122,6 +122,15 @@ class SettingName(StrEnum):
     fine = "fine"
 
 
+Networks = Annotated[
+    list[Path] | None,
+    option(
+        WATER,
+        "File of networks that `exumob train` or `learn` wrote; several, each after a --networks of its own, are an "
+        "ensemble. paper-lstm: the paper's, which come with exumob. Default: the ensemble that comes with it. With the "
+        "model calibrated: the coefficients that were fitted to the runs of these networks.",
+    ),
+]
 VehicleFile = Annotated[
     Path | None,
     option(
@@ -213,6 +222,7 @@ OPTION_NAMES = {
     "StartPose.y": "--start-y",
     "PathFollowing.waypoints": "--path",
     "read_river.source =": "--river",
+    "networks names a file": "--networks names a file",
     "training_runs.folder =": "--data",
     "Water.level": "--level",
     "CrossSection.read: file": "file",

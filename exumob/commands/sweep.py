@@ -13,6 +13,7 @@ from exumob.commands.options import (
     EXPERT,
     OUTPUT,
     RUN,
+    Networks,
     Seed,
     SettingName,
     SettingOption,
@@ -21,6 +22,7 @@ from exumob.commands.options import (
     Workers,
     given,
     option,
+    option_names,
     refuse_without_effect,
 )
 from exumob.commands.shared import console, counting_bar, errors, fail
@@ -44,6 +46,7 @@ def sweep_command(  # one argument an option of the command line
     ] = None,
     samples: Annotated[int, option(RUN, "Number of draws, if some --vary is a distribution.")] = 64,
     vehicle: VehicleFile = None,
+    networks: Networks = None,
     output: Annotated[Path, option(OUTPUT, "Folder of the sweep; the same command goes on with it.")] = Path("sweep"),
     keep_runs: Annotated[bool, option(OUTPUT, "Keep the whole result of every case.", "--keep-runs")] = False,
     workers: Workers = 2,
@@ -74,7 +77,7 @@ def sweep_command(  # one argument an option of the command line
         if study is not None:
             refuse_without_effect(
                 "beside a study file", "write it into the file, or leave the file out",
-                "vary", "fixed", "samples", "vehicle", "setting", "seed", "unusual",
+                "vary", "fixed", "samples", "vehicle", "networks", "setting", "seed", "unusual",
             )  # fmt: skip
             experiment, cases = read_study(study)
         else:
@@ -83,6 +86,8 @@ def sweep_command(  # one argument an option of the command line
                 refuse_without_effect("where nothing is drawn", remedy, "samples", "seed")
             chosen = [f"setting={setting.value}"] if given("setting") else []
             experiment, cases = from_options(vehicle, [*chosen, *(fixed or [])], vary or [], samples, seed, unusual)
+            with option_names():
+                experiment = experiment.with_networks(networks or [])
         if mpi:
             refuse_without_effect("with --mpi", "mpiexec -n says how many ranks there are; leave {it} out", "workers")
         with counting_bar("sweep", len(cases), "cases") as (bar, task):

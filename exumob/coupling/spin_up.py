@@ -10,7 +10,8 @@ import numpy as np
 
 from exumob.driving.maneuver import RAMP_TIME, smooth_step
 from exumob.flow.poses import Poses
-from exumob.flow.vehicle_window import vehicle_length
+from exumob.flow.settings import FlowSettings
+from exumob.flow.vehicle_window import settings_for_vehicle
 from exumob.support.declared import Declared, checked
 from exumob.support.quantities import Quantity
 from exumob.vehicle.parameters import Vehicle
@@ -52,15 +53,15 @@ class FlowSpinUp(Declared):
     def for_vehicle(self, vehicle: Vehicle) -> SpinUpTimes:
         """Return the times for a vehicle: those given, and for the others those of the paper's vehicle, scaled.
 
-        By Froude's law the water round a vehicle some times as large takes the root of that times as long
-        (`exumob.flow.vehicle_window.vehicle_length`).
+        By Froude's law the water round a vehicle some times as large takes the root of that times as long; the size is
+        that of the flow's settings (`exumob.flow.FlowSettings.reference_length`).
 
         Raises
         ------
         ValueError
             If an interval was given that is longer than a quarter of the time at rest.
         """
-        scale = math.sqrt(vehicle_length(vehicle))
+        scale = math.sqrt(settings_for_vehicle(vehicle, FlowSettings()).size)
         given = asdict(self)
         times = SpinUpTimes(**{
             name: usual * scale if given[name] is None else given[name] for name, usual in asdict(USUAL).items()

@@ -62,7 +62,7 @@ def vehicle_window(
     ValueError
         If `cell_size` is not positive, or makes more cells than there is memory for; the text names one that fits.
     """
-    scale = vehicle_length(vehicle)
+    scale = _length(vehicle)
     ahead, behind, aside = AHEAD * scale, BEHIND * scale, ASIDE * scale
     bottom = 0.0
     if terrain is not None and terrain.is_flat:
@@ -120,7 +120,7 @@ def window_over_terrain(
     ValueError
         As `vehicle_window`; or if the level of a field is not one (`exumob.flow.undisturbed.still_level`).
     """
-    scale = vehicle_length(vehicle)
+    scale = _length(vehicle)
     ahead, behind, aside = AHEAD * scale, BEHIND * scale, ASIDE * scale
     level = still_level(water)
     around = reach + 1.1 * math.hypot(behind, aside)
@@ -149,11 +149,11 @@ def settings_for_vehicle(vehicle: Vehicle, settings: FlowSettings) -> FlowSettin
     """
     if settings.reference_length is not None:
         return settings
-    return replace(settings, reference_length=vehicle_length(vehicle))
+    return replace(settings, reference_length=_length(vehicle))
 
 
-def vehicle_length(vehicle: Vehicle) -> float:
-    """Return the length to which the window and, by Froude's law, times are in proportion [m]: the paper's has 1 m."""
+def _length(vehicle: Vehicle) -> float:
+    """Length to which the window is in proportion [m]."""
     return max(vehicle.hull.length, vehicle.wheelbase + vehicle.wheel.diameter)
 
 

@@ -123,7 +123,8 @@ def filled(run: xr.Dataset) -> xr.Dataset:
         jumps holds no times.
     """
     time = run["time"].values
-    jumps(run)
+    if JUMPS in run.attrs:
+        jumps(run)
     try:
         every = int(run.attrs[THINNED])
     except (TypeError, ValueError):

@@ -223,12 +223,13 @@ def load_runs(files: Iterable[str | Path]) -> dict[str, xr.Dataset]:
         If a file cannot be read, is not a run to learn from, or repeats a scenario.
     """
     runs: dict[str, xr.Dataset] = {}
+    of: dict[str, str | Path] = {}
     for file in files:
         run = load_run(file)
         name = str(run.attrs.get("scenario", Path(file).stem))
         if name in runs:
-            raise ValueError(f"{file}: there is another run of {name} in the folder; keep one of them.")
-        runs[name] = run
+            raise ValueError(f"{file}: there is another run of {name} ({of[name]}); keep one of them.")
+        runs[name], of[name] = run, file
     return runs
 
 
@@ -451,7 +452,8 @@ def usable(run: xr.Dataset) -> NDArray[np.bool_]:
     """
     time = run["time"].values
     good = np.ones(len(time), bool)
-    for jump in np.searchsorted(time, jumps(run) - 0.5 * SAMPLING):
+    at = jumps(run)
+    for jump in np.searchsorted(time, at[(at > time[0] - SAMPLING) & (at < time[-1] + SAMPLING)] - 0.5 * SAMPLING):
         good[max(jump - JUMP_REACH, 0) : jump + JUMP_REACH + 1] = False
     return good
 

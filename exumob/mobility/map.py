@@ -259,6 +259,9 @@ def _claim(place: Path, wanted: MobilityMap) -> None:
     file = place / "map.json"
     description = json.loads(parameters_json({"map": wanted}))["map"]["MobilityMap"]
     description.pop("levels")  # a map may be refined further
+    experiment = wanted.crossing.experiment
+    if experiment.networks:  # by their contents, wherever the files lie
+        description["crossing"]["Crossing"]["experiment"]["Experiment"]["networks"] = experiment.beyond_its_fields()
     if file.is_file():
         try:
             kept = json.loads(file.read_text())

@@ -103,18 +103,36 @@ def load_members(file: str | Path) -> list[NetworkSet]:
     return members
 
 
-def card_of(members: Sequence[NetworkSet]) -> dict[str, Any] | None:
+def card_of(members: Sequence[NetworkSet], *, some: bool = False) -> dict[str, Any] | None:
     """Return what was measured of an ensemble, if these are all of its members; else None.
 
-    Members by themselves, or those of several files together, are not what was measured.
+    Members by themselves, or those of several files together, are not what was measured; with `some` that of the whole
+    is returned for some of its members, too.
     """
     found = [member.about.get(CARD) for member in members]
     card = found[0] if found else None
-    if not isinstance(card, dict) or any(other != card for other in found) or card.get("members") != len(members):
+    if not isinstance(card, dict) or any(other != card for other in found):
+        return None
+    if not some and card.get("members") != len(members):
         return None
     if isinstance(card.get("soil"), str):  # files of before there were several
         card = {name: value for name, value in card.items() if name != "soil"} | {"soils": [card["soil"]]}
     return card if _whole(card) else None
+
+
+def require_different(name: str, files: Sequence[str | Path]) -> None:
+    """Refuse files of which one is named twice.
+
+    Raises
+    ------
+    ValueError
+        With `name`, that of the option or argument.
+    """
+    if len({Path(file).resolve() for file in files}) < len(files):
+        raise ValueError(
+            f"{name} names a file twice ({', '.join(map(str, files))}); an ensemble of the same network agrees with "
+            "itself. Give each once."
+        )
 
 
 def load_floor(members: Sequence[NetworkSet]) -> Array | None:

@@ -61,7 +61,7 @@ class SurrogateHydrodynamics:
     ----------
     networks : NetworkSet, path, or a sequence of them, optional
         Members of an ensemble, or files of one or several (`exumob.surrogates.ensemble`); ``"paper-lstm"`` stands for
-        the paper's, which come with exumob. Default: the ensemble that comes with it (`shipped_networks`).
+        the paper's, which come with exumob (`exumob.surrogates.networks.NAMED`). Default: `shipped_networks`.
     fallback : bool
         True: the calibrated coefficients take over outside the networks' range. False: the networks alone act.
 

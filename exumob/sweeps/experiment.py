@@ -30,7 +30,9 @@ from exumob.support import quantities
 from exumob.support.declared import Declared, DeclaredField, check_of, declared_fields
 from exumob.support.files import why_no_file
 from exumob.support.quantities import DEPTH_RATIO, STEP, Quantity, shown
+from exumob.surrogates.ensemble import require_different
 from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import NAMED
 from exumob.surrogates.vehicle_shape import FURTHER_GEOMETRY, GEOMETRY
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.point_force import PointForce
@@ -54,6 +56,8 @@ WHOLE = ("setting", "soil", "maneuver", "hydrodynamics", "forces")
 """Names of what is chosen as a whole, mostly by a name of its own."""
 PARTS = ("soil", "water", "maneuver", "hydrodynamics", "forces")
 """Owners of fields; the fields of all others are the vehicle's."""
+WITHOUT_NETWORKS = ("coefficients", "none")
+"""Models of the water to which networks are nothing."""
 RATIO, MEMBER = "water.depth_ratio", "hydrodynamics.member"
 
 
@@ -80,6 +84,9 @@ class Experiment(Declared):
     """What the driver does"""
     hydrodynamics: str = DEFAULT_MODEL
     """One of `exumob.simulation.water_models.MODELS`"""
+    networks: tuple[Path, ...] = ()
+    """Files of networks that are the ensemble (`exumob.surrogates.ensemble`), or names of those that come with exumob
+    (`exumob.surrogates.networks.NAMED`); empty: `exumob.surrogates.model.shipped_networks`"""
     member: Annotated[int | None, Quantity("1", at_least=0.0)] = None
     """The network that acts alone; None: the whole ensemble"""
     coefficients: Coefficients = field(default_factory=Coefficients)
@@ -131,6 +138,31 @@ class Experiment(Declared):
         if water is not None and water.depth is not None:
             water = replace(water, depth=water.depth / self.vehicle.wheel.diameter * vehicle.wheel.diameter)
         return replace(self, vehicle=vehicle, water=water)
+
+    def with_networks(self, files: Sequence[str | Path], folder: Path | None = None) -> Experiment:
+        """The experiment with networks of one's own.
+
+        Parameters
+        ----------
+        files : sequence of str or path
+            See `networks`.
+        folder : Path, optional
+            Where they lie, unless they come with exumob; default: the current one.
+
+        Raises
+        ------
+        ValueError
+            If a file holds no networks, or is named twice, or networks have no effect on the model of the water.
+        """
+        found = tuple(Path(f) if folder is None or str(f) in NAMED else folder / f for f in files)
+        if found and self.hydrodynamics in WITHOUT_NETWORKS:
+            raise ValueError(
+                f"networks ({', '.join(map(str, found))}) have no effect with hydrodynamics = {self.hydrodynamics!r}; "
+                "leave them out, or choose 'networks'."
+            )
+        require_different("networks", found)
+        SurrogateHydrodynamics(found or None)  # what is wrong with them is said before anything runs
+        return replace(self, networks=found)
 
     def with_values(self, values: Mapping[str, Any]) -> Experiment:
         """The experiment with other values; those that belong together change at once.
@@ -329,7 +361,10 @@ class Experiment(Declared):
         ValueError
             If the ensemble has no network with the number `member`, or the networks do not fit the vehicle.
         """
-        model = hydrodynamics_named(self.hydrodynamics, self.vehicle, self.water, coefficients=self.coefficients)
+        networks = () if self.hydrodynamics in WITHOUT_NETWORKS else self.networks
+        model = hydrodynamics_named(
+            self.hydrodynamics, self.vehicle, self.water, networks=networks, coefficients=self.coefficients
+        )
         if self.member is None or self.water is None:
             return model
         if not isinstance(model, SurrogateHydrodynamics):
@@ -342,15 +377,18 @@ class Experiment(Declared):
         return SurrogateHydrodynamics(model.networks[self.member])
 
     def member_count(self) -> int:
-        """Number of networks in the ensemble that comes with exumob."""
-        return len(SurrogateHydrodynamics().networks)
+        """Number of networks in the ensemble."""
+        return len(self._ensemble().networks)
+
+    def _ensemble(self) -> SurrogateHydrodynamics:
+        return SurrogateHydrodynamics(self.networks or None)
 
     def beyond_its_fields(self) -> dict[str, str]:
         """Digests of networks and fitted coefficients that may give the loads, for `exumob.support.identity`."""
-        used = self.hydrodynamics in ("auto", "networks")
+        used = self.hydrodynamics in ("auto", "networks") or bool(self.networks)
         fitted = self.hydrodynamics in ("auto", "networks", "calibrated")
         return {
-            "networks": " ".join(n.digest() for n in SurrogateHydrodynamics().networks) if used else "",
+            "ensemble": " ".join(n.digest() for n in self._ensemble().networks) if used else "",
             "wave_coefficients": fitted_coefficients().digest() if fitted else "",
         }
 
@@ -358,14 +396,15 @@ class Experiment(Declared):
         """Choose the model of the water's loads for all cases, so that none differs from another by its model.
 
         ``"auto"`` becomes ``"networks"`` if those that come with exumob fit the vehicle of every case, and
-        ``"calibrated"`` otherwise, with a warning; where a member of the ensemble is named, networks are asked for, and
-        where a coefficient is or has another value, calibrated ones. `also` are further names that will be varied.
+        ``"calibrated"`` otherwise, with a warning; where networks or a member of the ensemble are named, networks are
+        asked for, and where a coefficient is or has another value, calibrated ones. `also` are further names that will
+        be varied.
         """
         names = {name for case in cases for name in case} | set(also)
         dry = self.water is None and not any(name.startswith("water.") for name in names)
         if self.hydrodynamics != "auto" or dry:
             return self
-        if self.member is not None or "hydrodynamics.member" in names:
+        if self.member is not None or self.networks or MEMBER in names:
             return replace(self, hydrodynamics="networks")
         if self.coefficients != Coefficients() or any(name.startswith("hydrodynamics.") for name in names):
             return replace(self, hydrodynamics="calibrated")

@@ -2,6 +2,7 @@
 
 [base]                              # values of all cases, by dotted name
 vehicle = "my_vehicle.py"           # default: the paper's vehicle
+networks = "paper-lstm"             # or files; default: those that come with exumob, if they fit
 soil = "LETE sand"
 water.depth_ratio = 0.6
 duration = 8.0
@@ -221,6 +222,13 @@ def _study(text: Mapping[str, Any], folder: Path) -> tuple[Experiment, list[Case
             raise ValueError(f'base.vehicle = {shown(vehicle)} must be the name of a file, such as "my_vehicle.py".')
         file = folder / vehicle
         experiment = experiment.with_vehicle(load_vehicle(file if file.suffix or file.exists() else vehicle))
+    networks = base.pop("networks", [])
+    files = networks if isinstance(networks, list) else [networks]
+    if not all(isinstance(one, str) for one in files):
+        raise ValueError(
+            f'base.networks = {shown(networks)} must be the name of a file of networks, such as "mine.safetensors", or '
+            "a list of names."
+        )
     lists: dict[str, Sequence[Any]] = {}
     for name, value in _flat("vary", _table("vary", text.get("vary", {})), names).items():
         if isinstance(value, dict):
@@ -246,7 +254,8 @@ def _study(text: Mapping[str, Any], folder: Path) -> tuple[Experiment, list[Case
         for name, values in lists.items()
     }  # fmt: skip
     cases = lambda: _cases(lists, distributions, options, correlations)  # noqa: E731
-    return _checked(experiment, base, (lists, distributions), cases, unusual_values)
+    experiment, found = _checked(experiment, base, (lists, distributions), cases, unusual_values)
+    return experiment.with_networks(files, folder), found
 
 
 def _beside(experiment: Experiment, folder: Path, name: str, value: Any) -> Any:

@@ -12,9 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from exumob.__main__ import app
 from exumob.simulation.result_files import load_dataset
 from exumob.support.errors import SimulationError
+from exumob.surrogates.ensemble import save_ensemble
+from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.sweeps import grid, sweep
 from exumob.sweeps.case_store import StorageError
 from exumob.sweeps.experiment import amphibious_lane_change
@@ -138,6 +142,24 @@ def test_forces_are_swept(tmp_path):
     whole = sweep(experiment, [{"forces": (PointForce(Winch(400.0), (0.5, 0.0, 0.1)), PointForce(tow))}],
                   tmp_path / "whole")  # fmt: skip
     assert whole["forward"].item() == reached[1]
+
+
+def test_a_sweep_with_networks_of_ones_own(tmp_path):
+    """At the command line: its members drive, what is known of them is said, and another file is another sweep."""
+    shipped = SurrogateHydrodynamics().networks
+    file = save_ensemble(shipped[:2], tmp_path / "mine.safetensors")
+    arguments = ["sweep", "--networks", str(file), "--vary", "hydrodynamics.member=0,1", "--set", "duration=0.3",
+                 "--workers", "1", "--output", str(tmp_path / "sweep")]  # fmt: skip
+    answer = CliRunner().invoke(app, arguments, env={"COLUMNS": "200", "TERM": "dumb"})
+    assert answer.exit_code == 0 and "trust" in answer.output, answer.output
+    found = load_dataset(tmp_path / "sweep" / "sweep.nc")
+    ends = found["forward"].values
+    assert set(found["status"].values) == {"completed"} and 0.0 < abs(ends[0] - ends[1]) < 1e-2
+    again = CliRunner().invoke(app, arguments, env={"COLUMNS": "200", "TERM": "dumb"})
+    assert again.exit_code == 0 and "2 kept, 0 run" in " ".join(again.output.split())
+    save_ensemble(shipped[2:4], file)
+    other = CliRunner().invoke(app, arguments, env={"COLUMNS": "200", "TERM": "dumb"})
+    assert other.exit_code == 2 and "ensemble was" in " ".join(other.output.split()), other.output
 
 
 def test_done_cases_are_not_run_again(tmp_path):

@@ -1,6 +1,7 @@
 """The data set: packed runs, their names, and histories imported from other programs."""
 
 import csv
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from exumob import Soil, Water, lane_change, simulate
 from exumob.learning.compact import DERIVED, GRAIN, compact, thinned
-from exumob.learning.dataset import DOUBLE, VARIABLES, load_runs, pack, usable
+from exumob.learning.dataset import DOUBLE, VARIABLES, load_run, load_runs, pack, usable
 from exumob.learning.evaluation import closed_loop
 from exumob.learning.importing import import_histories
 from exumob.paper.scenarios import DRAWN, TRAINING, UNSEEN, Scenario
@@ -118,6 +119,14 @@ def test_a_compact_run_is_a_third_as_large_and_the_same_but_for_rounding(run, tm
             )
         assert np.all((off <= bound) | np.isnan(off)), name
     xr.testing.assert_identical(compact(found), compact(packed))  # rounding is done once
+
+
+@pytest.mark.parametrize("file", sorted((Path(__file__).parents[2] / "data").rglob("*.nc")), ids=lambda f: f.stem)
+def test_every_run_that_comes_with_exumob_can_be_learnt_from(file):
+    """Also those that were thinned before jumps were noted."""
+    found = load_run(file)
+    assert found.attrs["status"] == "completed" and usable(found).mean() > 0.98
+    assert {"position", "water_wrench", "water_wrench_smooth", "flow_state"} <= set(found.variables)
 
 
 def test_a_thinned_run_judges_as_the_whole_one(run, tmp_path):

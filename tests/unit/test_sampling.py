@@ -10,7 +10,9 @@ from scipy import stats
 
 from exumob.driving.maneuver import ConstantSteer
 from exumob.ground.soil import Soil
+from exumob.support.identity import differences, users_identity
 from exumob.support.quantities import ImplausibleValue
+from exumob.surrogates.ensemble import save_ensemble
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.sweeps import Choice, Experiment, LogNormal, Normal, Triangular, Uniform, as_grid, grid, sample
 from exumob.sweeps.experiment import amphibious_lane_change
@@ -62,6 +64,49 @@ def test_members_of_the_ensemble_by_number():
     assert isinstance(one, SurrogateHydrodynamics) and one.networks[0].about["seed"] == 3
     with pytest.raises(ValueError, match="there are 5, from 0 on"):
         base.with_values({"hydrodynamics.member": 7}).water_model()
+
+
+def test_networks_of_ones_own_give_the_loads_of_all_cases(tmp_path):
+    """A file with two networks of the five, by name and by path; its contents tell one sweep from another."""
+    shipped = SurrogateHydrodynamics().networks
+    file = save_ensemble(shipped[:2], tmp_path / "mine.safetensors")
+    base = amphibious_lane_change()
+    mine = base.with_networks([str(file)])
+    assert mine.networks == (file,) and mine.member_count() == 2
+    assert mine.with_one_model([{"soil.n": 0.9}]).hydrodynamics == "networks"
+    assert [n.digest() for n in mine.water_model().networks] == [n.digest() for n in shipped[:2]]
+    assert mine.with_values({"hydrodynamics.member": 1}).water_model().networks[0].about["seed"] == 1
+    assert mine.with_values({"hydrodynamics": "calibrated"}).water_model().waves.digest() == shipped[0].waves.digest()
+    assert base.with_networks(["paper-lstm"], tmp_path).water_model().networks[0].name.startswith("paper-lstm")
+    before = users_identity(mine)
+    save_ensemble(shipped[2:4], file)
+    said = differences(before.values, users_identity(mine).values)
+    assert "ensemble was" in said and "mine.safetensors" in said
+    with pytest.raises(ValueError, match=r"\(.*mine\.safetensors\) have no effect with hydrodynamics = 'coeff"):
+        base.with_values({"hydrodynamics": "coefficients"}).with_networks([file])
+    assert isinstance(mine.with_values({"hydrodynamics": "coefficients"}).water_model(), CoefficientHydrodynamics)
+    with pytest.raises(ValueError, match="networks names a file twice"):
+        base.with_networks([file, file])
+    with pytest.raises(ValueError, match=r"no_such\.safetensors does not exist"):
+        base.with_networks(["no_such.safetensors"], tmp_path)
+    with pytest.raises(ValueError, match="they were trained with"):
+        mine.with_values({"hull.length": 1.2}).with_one_model().water_model()
+
+
+def test_networks_of_a_study_file_lie_beside_it(tmp_path, monkeypatch):
+    """Or come with exumob; one name or several."""
+    (tmp_path / "sub").mkdir()
+    save_ensemble(SurrogateHydrodynamics().networks[:2], tmp_path / "sub" / "mine.safetensors")
+    monkeypatch.chdir(tmp_path)
+    study = tmp_path / "sub" / "study.toml"
+    for text, members in (('"mine.safetensors"', 2), ('["paper-lstm"]', 1), ('["mine.safetensors"]', 2)):
+        study.write_text(f"[base]\nnetworks = {text}\n[vary]\nwater.current_speed = [0.0, 1.0]\n")
+        experiment, cases = read_study(study)
+        assert experiment.member_count() == members and len(cases) == 2
+    for text, word in (("3", r"base\.networks = 3 must be the name"), ('"other.safetensors"', "does not exist")):
+        study.write_text(f"[base]\nnetworks = {text}\n[vary]\nwater.current_speed = [0.0, 1.0]\n")
+        with pytest.raises(ValueError, match=word):
+            read_study(study)
 
 
 def test_bad_names_and_values_are_named():

@@ -27,8 +27,9 @@ from exumob.simulation.run import simulate
 from exumob.simulation.trust import trust_of, trust_of_all
 from exumob.simulation.trust.measured_runs import fitted_off
 from exumob.support.measured import measured_errors
+from exumob.surrogates.ensemble import load_members
 from exumob.surrogates.model import SurrogateHydrodynamics
-from exumob.surrogates.networks import NAMED, NetworkSet
+from exumob.surrogates.networks import NAMED
 from exumob.surrogates.vehicle_shape import shape_differences
 from exumob.sweeps.experiment import amphibious_crossing, amphibious_lane_change
 from exumob.vehicle.point_force import PointForce
@@ -445,7 +446,7 @@ def test_runs_together_have_the_range_of_all():
 def test_table_is_of_the_shipped_networks_and_the_paper_vehicle():
     table = measured_errors()
     assert table["networks"] == [network.digest() for network in NETWORKS.networks]
-    assert table["named"] == {name: [NetworkSet.load(name).digest()] for name in NAMED}
+    assert table["named"] == {name: [network.digest() for network in load_members(name)] for name in NAMED}
     assert [row["scenario"] for row in table["runs"]] == [s.name for s in (*TRAINING, *UNSEEN)]
     assert table["vehicle"]["hull"]["length"] == CAR.hull.length
 

@@ -69,7 +69,7 @@ def departures_of(
 ) -> Iterator[Departure]:
     """Find in what a run lies beyond those that were measured with its model and vehicle."""
     table, model = measured_errors(), run.hydrodynamics
-    if isinstance(model, SurrogateHydrodynamics) and (card := card_of(model.networks)) is not None:
+    if isinstance(model, SurrogateHydrodynamics) and (card := card_of(model.networks, some=True)) is not None:
         yield from _card_departures(run, card, out_of_range, met)
         return
     in_loop = isinstance(model, CfdHydrodynamics)
@@ -166,7 +166,10 @@ def _card_departures(
     micro_step, macro_step = setting_named(DEFAULT_SETTING).steps(flow_in_loop=False)
     most = {"micro_step": micro_step, "macro_step": macro_step}
     yield from _step_departures(run.steps.micro_step, run.steps.longest_macro_step, most)
-    if isinstance(model, SurrogateHydrodynamics) and not model.fallback:
+    assert isinstance(model, SurrogateHydrodynamics)
+    if len(model.networks) < card["members"]:
+        yield Departure("networks", (float(len(model.networks)),), f"{card['members']} together")
+    if not model.fallback:
         yield Departure("outside their range", ("networks alone",), "the calibrated coefficients take over")
     outside = [one["outside"] for one in card["drives"] if isinstance(one.get("outside"), int | float)]
     most_outside = max(outside, default=0.0)

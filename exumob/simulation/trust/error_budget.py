@@ -36,7 +36,7 @@ def error_parts(model: Hydrodynamics, mean: float, worst: float, straight: bool 
         Whether the run goes straight ahead, so that speeds were compared.
     """
     networks = isinstance(model, SurrogateHydrodynamics)
-    card = card_of(model.networks) if isinstance(model, SurrogateHydrodynamics) else None
+    card = card_of(model.networks, some=True) if isinstance(model, SurrogateHydrodynamics) else None
     off = f"{mean:.2g} m/s; at worst {worst:.2g} m/s" if straight else f"{percent(mean)}; at worst {percent(worst)}"
     parts = [("speed beside the flow" if straight else "model beside the flow", off)]
     if networks:

@@ -167,7 +167,11 @@ def _together(cases: Sequence[_Case]) -> Trust:
         advice = "a model of your own, which exumob has compared with nothing."
         return Trust(type(model).__name__, "not validated", "", soil, advice=advice)
     if trust.status == "not validated":
-        scaled = isinstance(model, SurrogateHydrodynamics) and shipped_name(model) is not None
+        scaled = (
+            isinstance(model, SurrogateHydrodynamics)
+            and shipped_name(model) is not None
+            and card_of(model.networks, some=True) is None
+        )
         if not isinstance(model, CoefficientHydrodynamics) and not scaled:
             return trust
         beyond = [d for run, _, _, met in cases for d in departures_by_froude(run, met)]
@@ -222,7 +226,7 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
     table, model = measured_errors(), run.hydrodynamics
     name = "calibrated" if isinstance(model, CalibratedHydrodynamics) else "coefficients"
     if isinstance(model, SurrogateHydrodynamics):
-        if (card := card_of(model.networks)) is not None:
+        if (card := card_of(model.networks, some=True)) is not None:
             return _learnt(model, card, run.vehicle, soil)
         shipped = shipped_name(model)
         if shipped is None:
@@ -287,6 +291,8 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
 
 def _learnt(model: SurrogateHydrodynamics, card: Mapping[str, Any], vehicle: Vehicle, soil: str) -> Trust:
     """Networks that carry a report card (`exumob learn`), as if the run were like those of the card."""
+    shipped = shipped_name(model)
+    label = "networks" if shipped is None else f"networks ({shipped})"
     ends = [abs(float(one["end"])) for one in card["drives"]]
     drives = (
         f"{len(ends)} drive{'s' if len(ends) > 1 else ''} kept apart ended {percent(float(np.mean(ends)))} of the "
@@ -304,21 +310,21 @@ def _learnt(model: SurrogateHydrodynamics, card: Mapping[str, Any], vehicle: Veh
         f"flow on cells of {1e3 * card['cell_size']:.3g} mm, whose own error comes on top)."
     )
     if not ends:
-        return Trust("networks", "not validated", error, soil, advice="their drives were never compared. Where known,")
+        return Trust(label, "not validated", error, soil, advice="their drives were never compared. Where known,")
     size = times_as_large(vehicle, model.networks[0].about["geometry"])
     if size is not None and size != 1.0:
         advice = (
             f"{vehicle.name} has the form of the vehicle of the card, {size:.3g} times as large: loads, speeds and "
             "times are scaled by Froude's law, which water follows and soil does not. For the other one,"
         )
-        return Trust("networks", "not validated", error, soil, advice=advice)
+        return Trust(label, "not validated", error, soil, advice=advice)
     shares = [float(one["fallback"]) for one in card["drives"] if isinstance(one.get("fallback"), int | float)]
     share = float(np.mean(shares)) if shares else 0.0
     if share > MOSTLY:
         advice = f"the coefficients gave {100.0 * share:.0f} % of the loads in drives that were compared. In them,"
-        return Trust("networks", "not validated", error, soil, advice=advice)
+        return Trust(label, "not validated", error, soil, advice=advice)
     mean, worst = float(np.mean(ends)), max(ends)
-    return Trust("networks", "measured", error, soil, (), mean, worst, parts=error_parts(model, mean, worst))
+    return Trust(label, "measured", error, soil, (), mean, worst, parts=error_parts(model, mean, worst))
 
 
 def _what_to_believe(out_of_range: float, fallback: float, shipped: bool) -> str:
