@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Callable
@@ -106,7 +107,8 @@ def _aspects(text: str, indent: int) -> str:
 def _print_summary(result: xr.Dataset, figures: dict[str, Any], setting: str) -> None:
     from exumob.simulation.plotting import water_label
 
-    slip = figures["mean_slip"]
+    slip, dry = figures["mean_slip"], json.loads(result.attrs["parameters"])["water"] is None
+    buoyed = f"{100 * figures['buoyed_share']:.1f} % carried by the water (mean)"
     lines = {
         "run": f"{result.attrs['title'].removeprefix('exumob run of ')}, {water_label(result)}; "
         f"{result.attrs['status'].split(':')[0]}",
@@ -117,7 +119,7 @@ def _print_summary(result: xr.Dataset, figures: dict[str, Any], setting: str) ->
         "slip": "no contact with the soil (second half)"
         if math.isnan(slip)
         else f"{100 * slip:.1f} % (mean of the wheels in contact, second half)",
-        "buoyed weight": f"{100 * figures['buoyed_share']:.1f} % carried by the water (mean)",
+        **({} if dry else {"buoyed weight": buoyed}),
         "driving energy": f"{figures['spin_energy']:.1f} J",
         **({"setting": setting} if setting and result.attrs.get("trust_status") == "measured" else {}),
         **_range_lines(figures),

@@ -235,6 +235,16 @@ def plot_wheel_loads(axes: Axes, dataset: xr.Dataset, **style: Any) -> list[Arti
     return artists
 
 
+def plot_sinkage(axes: Axes, dataset: xr.Dataset, **style: Any) -> list[Artist]:
+    """Sinkage of each wheel in the soil."""
+    axes.set(xlabel="time [s]", ylabel="sinkage [mm]")
+    artists: list[Artist] = []
+    for k, wheel in enumerate(WHEELS):
+        depth = 1e3 * dataset["sinkage"].sel(wheel=wheel)
+        artists += axes.plot(dataset["time"], depth, label=wheel.replace("_", " "), **({"color": f"C{k}"} | style))
+    return artists
+
+
 def plot_water_force(axes: Axes, dataset: xr.Dataset, body: str = "hull", **style: Any) -> list[Artist]:
     """Force of the water on one body in its own axes (paper Fig. 7)."""
     axes.set(xlabel="time [s]", ylabel=f"water on {body.replace('_', ' ')} [N]")
@@ -246,7 +256,11 @@ def plot_water_force(axes: Axes, dataset: xr.Dataset, body: str = "hull", **styl
 
 
 def plot_run(dataset: xr.Dataset) -> Figure:
-    """One run on one page: path, speeds, yaw and steering, wheel loads, slip, water; below, what it is worth."""
+    """One run on one page: path, speeds, yaw and steering, slip, wheel loads, water, power; below, what it is worth.
+
+    Without water the sinkage of the wheels takes the place of the water's forces.
+    """
+    dry = not _parameters(dataset, "water")
     x_low, x_high, y_low, y_high = path_limits(dataset)
     with plt.rc_context(STYLE):
         wide = (y_high - y_low) / (x_high - x_low)
@@ -286,20 +300,24 @@ def plot_run(dataset: xr.Dataset) -> Figure:
         grid["slip"].set(xlabel="time [s]", ylabel="slip ratio [%]", title="Slip")
         plot_wheel_loads(grid["load"], dataset, lw=1.0)
         grid["load"].set_title("Soil reaction on the wheels")
-        plot_water_force(grid["water"], dataset, lw=1.0)
-        grid["water"].set_title("Water on the hull, body axes")
+        if dry:
+            plot_sinkage(grid["water"], dataset, lw=1.0)
+            grid["water"].set_title("Sinkage of the wheels")
+        else:
+            plot_water_force(grid["water"], dataset, lw=1.0)
+            grid["water"].set_title("Water on the hull, body axes")
         grid["power"].plot(dataset["time"], dataset["spin_power"].sum("wheel"), color="C3", label="all wheels")
         grid["power"].set(xlabel="time [s]", ylabel="driving power [W]", title="Power")
         columns_of_yaw = 2 if "member_yaw" in dataset else 3
         for name, columns in (
-            ("speed", 2), ("yaw", columns_of_yaw), ("slip", 2), ("load", 2), ("water", 3), ("power", 1),
+            ("speed", 2), ("yaw", columns_of_yaw), ("slip", 2), ("load", 2), ("water", 2 if dry else 3), ("power", 1),
         ):  # fmt: skip
-            legend_above_curves(grid[name], columns, LEAST_RANGES[name])
+            legend_above_curves(grid[name], columns, LEAST_RANGES["sinkage" if dry and name == "water" else name])
         footnote(figure, *trust_notes([dataset]))
     return figure
 
 
-LEAST_RANGES = {"speed": 0.1, "yaw": 2.0, "slip": 5.0, "load": 10.0, "water": 5.0, "power": 2.0}
+LEAST_RANGES = {"speed": 0.1, "yaw": 2.0, "slip": 5.0, "load": 10.0, "water": 5.0, "sinkage": 1.0, "power": 2.0}
 """Smallest vertical range of the panels of `plot_run`, in their units: of a vehicle that stands nothing is shown large.
 """
 

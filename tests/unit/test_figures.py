@@ -175,6 +175,18 @@ def test_a_vehicle_that_stands_is_not_drawn_as_if_it_moved(short_run):
     plt.close(figure)
 
 
+def test_a_dry_run_shows_how_deep_the_wheels_sink(short_run):
+    """In the place of the water's forces, of which there are none."""
+    parameters = json.loads(short_run.attrs["parameters"]) | {"water": None}
+    figure = plot_run(short_run.assign_attrs(parameters=json.dumps(parameters)))
+    (panel,) = (axes for axes in figure.axes if axes.get_title() == "Sinkage of the wheels")
+    assert not any(axes.get_title().startswith("Water") for axes in figure.axes)
+    drawn = [line.get_ydata() for line in panel.get_lines()]
+    np.testing.assert_allclose(drawn, 1e3 * short_run["sinkage"].values.T)
+    assert panel.get_ylabel() == "sinkage [mm]"
+    plt.close(figure)
+
+
 def test_runs_side_by_side_share_one_legend_and_say_what_each_is_worth(short_run):
     other = short_run.assign_attrs(trust="no water, measured: nothing")
     figure = compare_runs({"one": short_run, "other": other, "again": other})
