@@ -14,6 +14,8 @@ from exumob.support.checks import require_within
 from exumob.support.declared import Declared
 from exumob.support.quantities import ImplausibleValue, Quantity, Unusual
 
+LONG = 1.5
+"""Length over width and height from which a hull plausibly pitches about a larger inertia than it rolls about [-]."""
 LOAD_ABOVE, LOAD_BELOW = 1.0, 0.25
 """How far the centre of mass may plausibly lie above the deck (a load on it) and below the keel [hull heights]."""
 
@@ -146,6 +148,13 @@ class Hull(Declared):
                 raise ValueError(
                     f"Hull.inertia = {self.inertia} breaks the triangle inequality I_a <= I_b + I_c; "
                     "no rigid body has it. Check the three values about the centre of mass."
+                )
+            roll, pitch, _ = self.inertia
+            if roll > pitch and self.length > LONG * max(self.width, self.height) and not isinstance(roll, Unusual):
+                raise ImplausibleValue(
+                    f"Hull.inertia = {self.inertia}: the roll inertia is more than the pitch inertia of a hull "
+                    f"{self.length:g} m long and {self.width:g} m wide; give (roll, pitch, yaw); are they swapped? If "
+                    f"it is meant: unusual({roll:g})."
                 )
             widest = 2.0 * math.sqrt(max(self.inertia) / self.mass)
             largest = math.hypot(self.length, self.width, self.height)

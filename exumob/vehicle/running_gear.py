@@ -47,6 +47,13 @@ class Wheel(Declared):
                     f"inertia of {0.5 * largest:.3g} (solid) to {largest:.3g} kg m^2 (a hoop); give kg m^2, or "
                     f"unusual({spin:g})."
                 )
+            widest = 0.5 * spin + self.mass * (0.5 * self.width) ** 2  # all of the mass at the tyre's two sides
+            if transverse > 1.0001 * widest and not isinstance(transverse, Unusual):
+                raise ImplausibleValue(
+                    f"Wheel.inertia = {self.inertia}: a transverse inertia of more than {widest:.3g} kg m^2 needs mass "
+                    f"outside a tyre {self.width:g} m wide; give (spin, transverse); are they swapped? If it is meant: "
+                    f"unusual({transverse:g})."
+                )
 
     @property
     def radius(self) -> float:

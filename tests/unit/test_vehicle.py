@@ -241,10 +241,20 @@ def test_numpy_numbers_are_numbers(number):
     (lambda v: replace(v.hull, mass=49e3), r"kg/m\^3"),
     (lambda v: replace(v.hull, inertia=(1.0, 1e3, 1e3)), r"m from its centre, in a hull of"),
     (lambda v: replace(v.wheel, inertia=(75.0, 40.0)), r"solid.*hoop"),
+    (lambda v: replace(v.wheel, inertia=(0.008, 0.0135)), r"transverse inertia.*are they swapped\?"),
+    (lambda v: replace(v.hull, inertia=(4.2, 0.9, 4.9)), r"roll inertia.*are they swapped\?"),
 ])  # fmt: skip
 def test_values_that_do_not_fit_each_other_are_refused_with_what_they_mean(change, message):
     with pytest.raises(ImplausibleValue, match=message):
         change(AMPHIBIOUS)
+
+
+def test_unlikely_inertias_pass_if_they_are_meant():
+    assert replace(AMPHIBIOUS.wheel, inertia=(0.008, unusual(0.0135))).inertia == (0.008, 0.0135)
+    assert replace(AMPHIBIOUS.hull, inertia=(unusual(4.2), 0.9, 4.9)).inertia == (4.2, 0.9, 4.9)
+    wheel = AMPHIBIOUS.wheel
+    spin = wheel.mass * wheel.radius**2  # a hoop at both sides of the tyre: the widest that there is
+    assert replace(wheel, inertia=(spin, 0.5 * spin + 0.25 * wheel.mass * wheel.width**2)).inertia[0] == spin
 
 
 def test_unknown_field_is_rejected_by_name():
