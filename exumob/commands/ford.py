@@ -110,8 +110,8 @@ def ford_command(  # one argument an option of the command line
 ) -> None:
     """Can my vehicle cross here? Drive it through a ford that is known by its cross-section, and report.
 
-    The vehicle starts half its length before the water's edge; its driver keeps to the path. It has crossed once all of
-    it is past the far edge.
+    The vehicle starts with its bow half its length before the water's edge; its driver keeps to the path. It has
+    crossed once all of it is past the far edge.
 
     Example: exumob ford section.csv --depth 0.3 --vehicle car.py --figure ford.png
     """

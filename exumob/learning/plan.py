@@ -232,7 +232,7 @@ class LearningPlan:
             f"Froude's law {slow:.3g} to {fast:.3g} m/s of this one, {_sides(wanted.directions)}",
             f"motion    {', '.join(shares)}; up to {slower:.2g} and {fastest:.2g} Hz",
             *([f"          {hurried}"] if fastest > TOO_FAST * self.envelope.fast else []),
-            f"cells     {1e3 * self.cell_size:.3g} mm",
+            f"cells     {1e3 * self.cell_size:.3g} mm (--cell-size {self.cell_size:.9g})",
             *[f"          resolved: {text}" for text in self.resolved],
             *[f"          lost: {text}" for text in self.lost],
         ]

@@ -1,8 +1,8 @@
 """Can my vehicle cross here? A ford by its cross-section, the drive through it, and the report on that drive.
 
 The path is the section's own: station along world x, the current across it along y. The vehicle starts with its front
-half its length before the water's edge, its driver keeps to the path, and it has crossed once all of it is past the
-far edge. One that floats or is swept away has not, even where the run comes out on the other side.
+half its length before the water's edge, its driver keeps to the path, and it has crossed once all of it is past the far
+edge. One that floats or is swept away has not, even where the run comes out on the other side.
 """
 
 from __future__ import annotations

@@ -261,7 +261,7 @@ def _claim(place: Path, wanted: MobilityMap) -> None:
     description.pop("levels")  # a map may be refined further
     experiment = wanted.crossing.experiment
     if experiment.networks:  # by their contents, wherever the files lie
-        description["crossing"]["Crossing"]["experiment"]["Experiment"]["networks"] = experiment.beyond_its_fields()
+        description["crossing"]["experiment"]["networks"] = experiment.beyond_its_fields()["ensemble"]
     if file.is_file():
         try:
             kept = json.loads(file.read_text())

@@ -11,7 +11,7 @@ from exumob.simulation.trust.measured_runs import elsewhere_off, measured_vehicl
 from exumob.support.declared import checked
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
-from exumob.surrogates.vehicle_shape import shape_differences, times_as_large
+from exumob.surrogates.vehicle_shape import first_of, shape_differences, times_as_large
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics, Coefficients
@@ -21,9 +21,6 @@ from exumob.water.mesh_file import hull_mesh
 from exumob.water.wave_loads import fitted_coefficients
 
 logger = logging.getLogger(__name__)
-
-NAMED_DIFFERENCES = 2
-"""Number of differences between a vehicle and the networks' that a message names."""
 
 MODELS = ("auto", "networks", "calibrated", "coefficients", "none")
 """Names of the models; ``"auto"`` takes networks where they fit the vehicle."""
@@ -105,9 +102,7 @@ def hydrodynamics_named(
     differences = shape_differences(vehicle, trained)
     if vehicle.hull.mesh is not None:
         hull_mesh(vehicle)  # what is wrong with it is said before what the networks lack
-    shown = "; ".join(differences[:NAMED_DIFFERENCES])
-    if len(differences) > NAMED_DIFFERENCES:
-        shown += f"; and {len(differences) - NAMED_DIFFERENCES} more"
+    shown = first_of(differences)
     if name == "networks":
         raise ValueError(
             f"hydrodynamics = 'networks': the networks that come with exumob were trained for the {measured_vehicle()} "

@@ -36,7 +36,7 @@ from exumob.surrogates.network_kernels import (
     measure_excess,
     monomials,
 )
-from exumob.surrogates.vehicle_shape import CLOSE, GEOMETRY, geometry, times_as_large
+from exumob.surrogates.vehicle_shape import GEOMETRY, first_of, shape_differences, times_as_large
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.wave_loads import WaveCoefficients
@@ -161,16 +161,13 @@ class NetworkSet:
         """
         if times_as_large(vehicle, self.about["geometry"]) is not None:
             return
-        own = geometry(vehicle)
-        for name, trained in self.about["geometry"].items():
-            found = own[name]
-            numbers = isinstance(trained, int | float) and isinstance(found, int | float)
-            same = math.isclose(found, trained, rel_tol=CLOSE) if numbers else found == trained
-            if not same:
-                raise ValueError(
-                    f"networks ({self.name}): {vehicle.name} has {name} = {found}, they were trained with {trained}. "
-                    "Make networks for it (`exumob learn`), or take the calibrated coefficients or the flow solver."
-                )
+        differences = shape_differences(vehicle, self.about["geometry"])
+        if differences:
+            raise ValueError(
+                f"networks ({self.name}) were trained for another shape than that of {vehicle.name}: "
+                f"{first_of(differences)}. Leave them out, then calibrated coefficients act, or make networks for it "
+                "(`exumob learn`)."
+            )
 
     def save(self, file: str | Path, half: bool = False) -> Path:
         """Write the file (.safetensors), whole or not at all; return its path.

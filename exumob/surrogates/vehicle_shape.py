@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -15,6 +15,8 @@ from exumob.water.mesh_file import mesh_digest
 
 CLOSE = 1.0e-3
 """Relative difference up to which a value counts as the same [-]."""
+NAMED_DIFFERENCES = 2
+"""Number of differences between a vehicle and that of networks which a message names."""
 GEOMETRY = (
     "hull.length", "hull.width", "hull.height", "hull.ground_clearance", "hull.center_of_mass_height",
     "hull.center_of_mass_x", "hull.center_x", "hull.bow_length", "hull.bow_height", "hull.mesh", "wheel.diameter",
@@ -82,6 +84,12 @@ def shape_differences(vehicle: Vehicle, trained: Mapping[str, Any]) -> list[str]
         if not same_value(given, value):
             found.append(f"{name} = {number(given)}, they were trained with {number(value)}")
     return found
+
+
+def first_of(differences: Sequence[str]) -> str:
+    """Return the first few of several differences as one text, with the number of the others."""
+    more = len(differences) - NAMED_DIFFERENCES
+    return "; ".join(differences[:NAMED_DIFFERENCES]) + (f"; and {more} more" if more > 0 else "")
 
 
 def card_parameters(vehicle: Vehicle) -> dict[str, Any]:

@@ -222,6 +222,9 @@ def _study(text: Mapping[str, Any], folder: Path) -> tuple[Experiment, list[Case
             raise ValueError(f'base.vehicle = {shown(vehicle)} must be the name of a file, such as "my_vehicle.py".')
         file = folder / vehicle
         experiment = experiment.with_vehicle(load_vehicle(file if file.suffix or file.exists() else vehicle))
+    for name in base.keys() - names - {"networks"}:
+        if near := difflib.get_close_matches(name, ("vehicle", "networks"), 1, 0.8):
+            raise ValueError(f"base.{name} is not known; did you mean {near[0]}?")
     networks = base.pop("networks", [])
     files = networks if isinstance(networks, list) else [networks]
     if not all(isinstance(one, str) for one in files):
@@ -255,7 +258,10 @@ def _study(text: Mapping[str, Any], folder: Path) -> tuple[Experiment, list[Case
     }  # fmt: skip
     cases = lambda: _cases(lists, distributions, options, correlations)  # noqa: E731
     experiment, found = _checked(experiment, base, (lists, distributions), cases, unusual_values)
-    return experiment.with_networks(files, folder), found
+    experiment = experiment.with_networks(files, folder)
+    if files:
+        experiment.check()
+    return experiment, found
 
 
 def _beside(experiment: Experiment, folder: Path, name: str, value: Any) -> Any:

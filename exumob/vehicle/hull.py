@@ -149,10 +149,11 @@ class Hull(Declared):
                     f"Hull.inertia = {self.inertia} breaks the triangle inequality I_a <= I_b + I_c; "
                     "no rigid body has it. Check the three values about the centre of mass."
                 )
-            roll, pitch, _ = self.inertia
-            if roll > pitch and self.length > LONG * max(self.width, self.height) and not isinstance(roll, Unusual):
+            roll, *others = self.inertia
+            long = self.length > LONG * max(self.width, self.height)
+            if long and roll > min(others) and not isinstance(roll, Unusual):
                 raise ImplausibleValue(
-                    f"Hull.inertia = {self.inertia}: the roll inertia is more than the pitch inertia of a hull "
+                    f"Hull.inertia = {self.inertia}: the first one, about the roll axis, is not the smallest in a hull "
                     f"{self.length:g} m long and {self.width:g} m wide; give (roll, pitch, yaw); are they swapped? If "
                     f"it is meant: unusual({roll:g})."
                 )

@@ -13,6 +13,8 @@ from exumob.mobility.lattice import Lattice
 from exumob.mobility.map import Axis, MobilityMap, compute_map
 from exumob.mobility.map_figure import plot_map
 from exumob.simulation.result_files import load_dataset
+from exumob.surrogates.ensemble import save_ensemble
+from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.sweeps.experiment import amphibious_crossing
 from exumob.sweeps.sampling import Normal
 
@@ -73,6 +75,27 @@ class Tongue(Crossing):
         x, y = values["water.current_speed"], values["water.depth_ratio"]
         inside = x < 0.4 or (abs(y - 0.45) < 0.02 and x < 1.3)
         return {"crossed": float(inside), "failure": 0.0 if inside else 6.0, "out_of_range": 0.0}
+
+
+def test_a_map_with_networks_of_ones_own(tmp_path):
+    """Its folder knows them by their contents, wherever the file lies."""
+    shipped = SurrogateHydrodynamics().networks
+    file = save_ensemble(shipped[:2], tmp_path / "mine.safetensors")
+
+    def mapped(networks):
+        crossing = Crossing(replace(QUICK, hydrodynamics="auto", duration=0.6).with_networks([networks]), BRIEF)
+        axes = Axis("water.current_speed", 0.2, 0.4, 1), Axis("water.depth_ratio", 0.45, 0.55, 1)
+        return compute_map(MobilityMap(crossing, *axes, {"LETE sand": {}}, scatter={}, draws=1, levels=0),
+                           tmp_path / "map", workers=1)  # fmt: skip
+
+    first = mapped(file)
+    assert first.attrs["training_range"] == "of the networks" and (first["speed"] > 0.0).all()
+    (tmp_path / "elsewhere").mkdir()
+    moved = file.rename(tmp_path / "elsewhere" / file.name)
+    xr.testing.assert_equal(mapped(moved), first)
+    save_ensemble(shipped[2:4], moved)
+    with pytest.raises(ValueError, match=r"holds another map: crossing\.experiment\.networks was"):
+        mapped(moved)
 
 
 def test_border_is_followed_out_of_the_cells_in_which_it_was_found(tmp_path):

@@ -107,6 +107,13 @@ def test_networks_of_a_study_file_lie_beside_it(tmp_path, monkeypatch):
         study.write_text(f"[base]\nnetworks = {text}\n[vary]\nwater.current_speed = [0.0, 1.0]\n")
         with pytest.raises(ValueError, match=word):
             read_study(study)
+    vary = "[vary]\nwater.current_speed = [0.0, 1.0]\n"
+    study.write_text('[base]\nnetwork = "mine.safetensors"\n' + vary)
+    with pytest.raises(ValueError, match=r"base\.network is not known; did you mean networks\?"):
+        read_study(study)
+    study.write_text('[base]\nnetworks = "mine.safetensors"\nhull.length = 1.2\n' + vary)
+    with pytest.raises(ValueError, match=r"study\.toml: networks \(.*another shape.*amphibious: hull\.length"):
+        read_study(study)
 
 
 def test_bad_names_and_values_are_named():

@@ -161,6 +161,16 @@ def test_the_papers_networks_have_errors_of_their_own():
     assert trust_of(replace(RUN, hydrodynamics=mixed)).status == "not validated"
 
 
+def test_coefficients_that_the_networks_rest_on_have_errors_of_their_own():
+    """Without the networks they act as calibrated ones; the table knows them."""
+    found = trust_of(replace(RUN, hydrodynamics=CalibratedHydrodynamics(waves=NETWORKS.waves)))
+    off = [row["fitted"]["end"] for row in measured_errors()["runs"]]
+    assert (found.model, found.status) == ("calibrated (for the networks)", "measured")
+    assert (found.mean, found.worst) == pytest.approx((np.mean(off), max(off)))
+    other = replace(NETWORKS.waves, values=1.1 * NETWORKS.waves.values)
+    assert trust_of(replace(RUN, hydrodynamics=CalibratedHydrodynamics(waves=other))).status == "not validated"
+
+
 @pytest.mark.parametrize("run", [STRAIGHT, replace(COEFFICIENTS, maneuver=ConstantSteer(), steps=STRAIGHT.steps)])
 def test_straight_ahead_it_is_the_speed(run):
     name = trust_of(run).model

@@ -23,6 +23,7 @@ from exumob.simulation.trust.measured_runs import (
     measured_vehicle,
     rows_of,
     shipped_name,
+    waves_of_networks,
 )
 from exumob.simulation.trust.soil_line import is_published_as
 from exumob.support.measured import measured_errors
@@ -32,6 +33,7 @@ from exumob.surrogates.model import SLOPE_RANGE, SurrogateHydrodynamics
 from exumob.surrogates.networks import TRAINED_DENSITY
 from exumob.surrogates.vehicle_shape import CLOSE, flat, plain_parameters, same_value
 from exumob.vehicle.parameters import Vehicle
+from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.hydrodynamics import Hydrodynamics
 
@@ -101,8 +103,16 @@ def departures_of(
         longest = max(row[name]["out_of_range"] for row in rows)
         if out_of_range is not None and out_of_range > longest + 0.005:
             yield Departure(OUTSIDE_RANGE, (100.0 * out_of_range,), f"{100.0 * longest:.2g}", "% of the time")
-    elif isinstance(model, CoefficientHydrodynamics) and model.parameters != type(model)().parameters:
+    elif isinstance(model, CoefficientHydrodynamics) and not _measured_coefficients(model):
         yield Departure("coefficients", ("of your own",), "those that come with exumob")
+
+
+def _measured_coefficients(model: CoefficientHydrodynamics) -> bool:
+    """Whether coefficients are those that come with exumob, or those that its networks rest on."""
+    usual = type(model)()
+    if isinstance(model, CalibratedHydrodynamics) and model.waves.digest() == waves_of_networks():
+        usual = CalibratedHydrodynamics(waves=model.waves)
+    return bool(model.parameters == usual.parameters)
 
 
 def dry_departures(run: RunDescription, table: Mapping[str, Any]) -> Iterator[Departure]:

@@ -37,6 +37,7 @@ from exumob.simulation.trust.measured_runs import (
     nearest_row,
     ranges_of,
     shipped_name,
+    waves_of_networks,
     whither,
 )
 from exumob.simulation.trust.soil_line import soil_line
@@ -233,7 +234,10 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
             advice = "networks of your own; compare them with runs that they have not learnt."
             return Trust("networks", "not validated", "", soil, advice=advice)
         name = shipped
-    if isinstance(model, CalibratedHydrodynamics) and model.waves.digest() != fitted_coefficients().digest():
+    waves = model.waves.digest() if isinstance(model, CalibratedHydrodynamics) else None
+    if waves == waves_of_networks() and waves is not None and is_measured_vehicle(run.vehicle):
+        name = "fitted"
+    elif waves not in (None, fitted_coefficients().digest()):
         advice = "coefficients fitted to other runs than those of exumob; a report card says how far they were off."
         return Trust(name, "not validated", "", soil, advice=advice)
     same, straight = is_measured_vehicle(run.vehicle), is_straight(run)
@@ -256,7 +260,7 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
             near = f"; {number} in {nearest['scenario']}, which is nearest"
     on = f"{len(rows)} {'runs' if straight else 'lane changes'}{' that they had not seen' if networks else ''}"
     taught = [row for row in table["runs"] if row["taught_networks"]]
-    if name == "calibrated":
+    if name in ("calibrated", "fitted"):
         on += f", to {len(taught)} of which it was fitted"
     which = "this vehicle" if same else f"the {measured_vehicle()} vehicle"
     which += ", speeds by Froude's law" if straight and not same else ""
@@ -267,6 +271,7 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
         seen = f"; {len(taught)} that they had seen, {ranges_of(taught)}: at worst {worst_seen}"
     error = f"{amount} the flow in the loop{side}{near} ({on}; {which}, {table['soil']}, {ranges_of(rows)}{seen})."
     label = f"networks ({name})" if name in table["named"] else name
+    label = "calibrated (for the networks)" if name == "fitted" else label
     if same:
         parts = error_parts(model, mean, worst, straight)
         return Trust(label, "measured", error, soil, (), mean, worst, nearest=near, parts=parts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -55,6 +56,13 @@ def digests_of(name: str) -> set[str]:
     """Digests of the networks that come with exumob: ``"networks"``, the default ensemble, or those with a name."""
     table = measured_errors()
     return set(table["networks"] if name == "networks" else table["named"][name])
+
+
+@functools.cache
+def waves_of_networks() -> str | None:
+    """Digest of the coefficients that the default networks rest on: the table holds their errors, too."""
+    waves = SurrogateHydrodynamics().waves
+    return None if waves is None else waves.digest()
 
 
 def fitted_off() -> str:
