@@ -47,6 +47,8 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "sinkage": ("time", "wheel"), "soil_force": ("time", "wheel", "axis"),
 }  # fmt: skip
 """Variables of a run without which there is no verdict, with their dimensions."""
+DRIFTING = 0.15
+"""Part of the speed that goes aside from which it is named by itself [-]."""
 FURTHER = (
     "water_wrench", "quaternion", "water_load", "water_level", "water_depth", "steering_angle", "hull_soil_force",
     "hull_contact_center",
@@ -260,10 +262,14 @@ def _judged(run: xr.Dataset, limits: VerdictLimits, size: Dimensions, level: Arr
             worst.kind, worst.since, worst.until, _joined(str(worst), *before, ended), tuple(conditions), flags, limits
         )
     late = run.isel(time=slice(finite)).sel(time=slice(time[finite - 1] - span, None))
-    speed = float(np.hypot(late["forward_velocity"].mean(), late["lateral_velocity"].mean()))
+    ahead, aside = (abs(float(late[name].mean())) for name in ("forward_velocity", "lateral_velocity"))
+    speed = math.hypot(ahead, aside)
+    said = f"{speed:.2f} m/s"
+    if aside > DRIFTING * speed:
+        said, speed = f"{ahead:.2f} m/s along its heading and {aside:.2f} m/s aside", ahead
     tread = size.wheel_radius * abs(float(late["wheel_speed"].mean()))
     share = f", {100.0 * speed / tread:.0f} % of the speed of its tyres" if not still and tread > 0.0 else ""
-    text = "stands: its wheels are not commanded to turn" if still else f"drives: {speed:.2f} m/s{share} at the end"
+    text = "stands: its wheels are not commanded to turn" if still else f"drives: {said}{share} at the end"
     return Verdict(at_end, math.nan, math.nan, _joined(text, ended), (), flags, limits)
 
 

@@ -104,6 +104,10 @@ def test_sentences_name_what_was_measured():
     assert sentence("submerged") == "submerged since 3.00 s: the hull's top is 0.122 m under water"
     assert sentence("sunk") == "sunk since 3.00 s: a wheel is 95 % of its radius in the soil"
     assert sentence("drives") == "drives: 0.80 m/s, 80 % of the speed of its tyres at the end"
+    drifting = judge(made_up_run(lateral=0.3)).sentence
+    assert drifting == (
+        "drives: 0.80 m/s along its heading and 0.30 m/s aside, 80 % of the speed of its tyres at the end"
+    )
     assert "0.2 m/s against" in sentence("swept away backward")
 
 
