@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -227,11 +228,22 @@ def _draw_speed(axes: Axes, x: Array, y: Array, speed: Array) -> dict[str, Artis
         return {}
     style: dict[str, Any] = {"colors": "0.35", "linewidths": 0.6, "linestyles": ":"}
     lines = axes.contour(x, y, np.ma.masked_invalid(speed), **style)
-    for label in axes.clabel(lines, fmt=lambda speed: f"{speed:.3g} m/s", fontsize=7):
-        place = axes.transAxes.inverted().transform(axes.transData.transform(label.get_position()))
-        if not np.all((place > NEAR_EDGE) & (place < 1.0 - NEAR_EDGE)):
-            label.remove()  # it would be cut
+    places = [place for segments in lines.allsegs if (place := _place_of_label(axes, segments)) is not None]
+    if places:  # none would be as many as there are
+        axes.clabel(lines, fmt=lambda speed: f"{speed:.3g} m/s", fontsize=7, manual=places)
     return {"speed": Line2D([], [], color="0.35", lw=0.8, ls=":", label="mean speed ahead")}
+
+
+def _place_of_label(axes: Axes, segments: Sequence[NDArray[Any]]) -> tuple[float, float] | None:
+    """Place on the pieces of a line that is nearest to the middle of the axes; None: a label there would be cut."""
+    best, least = None, 0.5 - NEAR_EDGE
+    for segment in (one for one in segments if len(one)):
+        parts = np.linspace(0.0, len(segment) - 1.0, 20 * len(segment))
+        fine = np.stack([np.interp(parts, np.arange(len(segment)), column) for column in segment.T], axis=1)
+        away = np.abs(axes.transAxes.inverted().transform(axes.transData.transform(fine)) - 0.5).max(axis=1)
+        if away.min() < least:
+            best, least = fine[int(away.argmin())], float(away.min())
+    return None if best is None else (float(best[0]), float(best[1]))
 
 
 def _draw_checks(axes: Axes, checks: xr.Dataset) -> dict[str, Artist]:

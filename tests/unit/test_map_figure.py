@@ -10,6 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.text import Text
 from scipy.stats import binom, norm
 
 from exumob.mobility.crossing import FAILURES
@@ -50,6 +51,28 @@ def texts(figure):
     """Texts of the legend."""
     (legend,) = figure.legends
     return [text.get_text() for text in legend.get_texts()]
+
+
+# -- lines of equal speed ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("slope", [(0.8, 0.2), (-0.1, 0.9), (0.6, -0.7)])
+def test_every_line_of_equal_speed_that_passes_the_middle_says_it(slope):
+    """Also on a map of four nodes, whose lines begin and end at the edges of the panel."""
+    mapped = a_map(np.ones((5, 5))).isel(x=[0, -1], y=[0, -1])
+    x, y = np.meshgrid([-0.5, 0.5], [-0.5, 0.5])
+    mapped["speed"][0] = 1.0 + slope[0] * x + slope[1] * y
+    figure = plot_map(mapped)
+    axes = figure.axes[0]
+    figure.canvas.draw()
+    labels = [text for text in axes.findobj(Text) if text.get_text().endswith(" m/s")]
+    places = [axes.transAxes.inverted().transform(axes.transData.transform(t.get_position())) for t in labels]
+    assert len(labels) >= 4 and len({t.get_text() for t in labels}) == len(labels)
+    assert all(np.abs(place - 0.5).max() < 0.45 for place in places)
+    for text, place in zip(labels, places, strict=True):
+        said = float(text.get_text().split()[0])
+        assert said == pytest.approx(1.0 + slope[0] * (place[0] - 0.5) + slope[1] * (place[1] - 0.5), abs=0.02)
+    plt.close(figure)
 
 
 # -- intervals ---------------------------------------------------------------------------------------------------------
