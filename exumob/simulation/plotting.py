@@ -300,6 +300,10 @@ def plot_run(dataset: xr.Dataset) -> Figure:
         grid["slip"].set(xlabel="time [s]", ylabel="slip ratio [%]", title="Slip")
         plot_wheel_loads(grid["load"], dataset, lw=1.0)
         grid["load"].set_title("Soil reaction on the wheels")
+        afloat = not bool(np.isfinite(dataset["slip_ratio"]).any())
+        if afloat:
+            grid["slip"].set(xlim=grid["load"].get_xlim(), ylim=(-5.0, 5.0))
+            grid["slip"].text(0.5, 0.5, "no contact with the soil", transform=grid["slip"].transAxes, ha="center")
         if dry:
             plot_sinkage(grid["water"], dataset, lw=1.0)
             grid["water"].set_title("Sinkage of the wheels")
@@ -312,7 +316,8 @@ def plot_run(dataset: xr.Dataset) -> Figure:
         for name, columns in (
             ("speed", 2), ("yaw", columns_of_yaw), ("slip", 2), ("load", 2), ("water", 2 if dry else 3), ("power", 1),
         ):  # fmt: skip
-            legend_above_curves(grid[name], columns, LEAST_RANGES["sinkage" if dry and name == "water" else name])
+            if not (afloat and name == "slip"):
+                legend_above_curves(grid[name], columns, LEAST_RANGES["sinkage" if dry and name == "water" else name])
         footnote(figure, *trust_notes([dataset]))
     return figure
 

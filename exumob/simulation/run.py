@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import xarray as xr
 
 from exumob.coupling.explicit import Explicit
@@ -20,6 +21,7 @@ from exumob.ground.hull_contact import hull_contact
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.multibody.applied_loads import vehicle_loads
+from exumob.multibody.placing import standing_pose
 from exumob.multibody.settling import SETTLING_STEP, Start
 from exumob.multibody.system import MultibodyVehicle
 from exumob.simulation.checkpoint import Checkpoints, Fingerprint
@@ -54,6 +56,9 @@ from exumob.water.hydrodynamics import Hydrodynamics, SpinUpHydrodynamics
 from exumob.water.wetted_surface import hull_triangles
 
 logger = logging.getLogger(__name__)
+
+SLID = 0.02
+"""Way to the side while a vehicle settles, over its wheelbase, from which it is said [-]."""
 
 
 @checked
@@ -271,6 +276,14 @@ def _settle(model: MultibodyVehicle, run: RunDescription, store: Checkpoints | N
 def _say_start(run: RunDescription, model: MultibodyVehicle, start: Start) -> None:
     """Warn of a vehicle that does not stand where it starts."""
     name, speed = run.vehicle.name, start.speed
+    place, turn = standing_pose(run.vehicle, run.terrain, run.start)
+    laid = place + run.vehicle.wheel_centers.mean(axis=0) @ turn.T
+    slid = float(np.hypot(*(model.present().position[-1, 1:].mean(axis=0) - laid)[:2]))
+    if slid > SLID * run.vehicle.wheelbase:
+        logger.warning(
+            "%s: before it stood still it slid by %.2g m on the slope; its path begins there, not where it was put.",
+            name, slid,
+        )  # fmt: skip
     if start.kind == "creeping":
         logger.warning(
             "%s: the soil holds the vehicle only by creep (about %.1f mm/s; from %.1f mm/s on it slides); it is "

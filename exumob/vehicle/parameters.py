@@ -215,7 +215,9 @@ def touch_message(vehicle: Vehicle, what: str, touch: WheelGap) -> str:
     """Return the error about a tyre that enters the body, which `what` names."""
     remedy = "move the wheels out (Vehicle.track), give a narrower body (Hull.width), less travel"
     if touch.angle:
-        remedy += f", or less steering (Steering.limit = {math.degrees(vehicle.steering.limit):.3g} deg)"
+        inner = abs(touch.angle) > 1.001 * vehicle.steering.limit
+        further = f", at which the inner wheel turns {math.degrees(abs(touch.angle)):.3g} deg" if inner else ""
+        remedy += f", or less steering (Steering.limit = {math.degrees(vehicle.steering.limit):.3g} deg{further})"
     arches = "larger wheel arches" if vehicle.hull.mesh or vehicle.hull.wheel_arches else "Hull.wheel_arches"
     return (
         f"{what}: {vehicle.name} with Vehicle.track = {vehicle.track:g} m lets a tyre enter the body: {touch}, "

@@ -220,3 +220,15 @@ def test_a_start_in_motion_resumes_with_the_same_bits(vehicle, sand, tmp_path):
 def test_a_soil_that_is_too_soft_is_still_said(vehicle):
     with pytest.raises(SimulationError, match="while settling, a wheel has sunk to its centre"):
         settled(vehicle, Terrain(), "Snow (US)")
+
+
+@pytest.mark.parametrize(("angle", "slides"), [(5.0, False), (20.0, True)])
+def test_a_vehicle_that_slides_while_it_settles_says_how_far(angle, slides, caplog):
+    """Across a slope: its path begins where it came to rest."""
+    vehicle, terrain = VEHICLES["amphibious"], Terrain.slope(math.radians(angle), 0.5 * math.pi)
+    run = simulate(vehicle, Soil.published("LETE sand"), None, STAND, duration=0.1, terrain=terrain)
+    place, turn = standing_pose(vehicle, terrain)
+    laid = (place + vehicle.wheel_centers @ turn.T).mean(axis=0)
+    slid = float(np.hypot(*(run["position"].values[0, 1:].mean(axis=0) - laid)[:2]))
+    assert (f"before it stood still it slid by {slid:.2g} m" in caplog.text) == slides
+    assert (slid > 0.02 * vehicle.wheelbase) == slides

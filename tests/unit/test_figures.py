@@ -187,6 +187,15 @@ def test_a_dry_run_shows_how_deep_the_wheels_sink(short_run):
     plt.close(figure)
 
 
+def test_a_vehicle_that_never_touches_the_ground_has_no_empty_panel_of_slip(short_run):
+    figure = plot_run(short_run.assign(slip_ratio=np.nan * short_run["slip_ratio"]))
+    (panel,) = (axes for axes in figure.axes if axes.get_title() == "Slip")
+    assert [text.get_text() for text in panel.texts] == ["no contact with the soil"] and panel.get_legend() is None
+    low, high = panel.get_xlim()
+    assert low <= 0.0 and high >= float(short_run["time"][-1])
+    plt.close(figure)
+
+
 def test_runs_side_by_side_share_one_legend_and_say_what_each_is_worth(short_run):
     other = short_run.assign_attrs(trust="no water, measured: nothing")
     figure = compare_runs({"one": short_run, "other": other, "again": other})

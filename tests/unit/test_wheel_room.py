@@ -228,3 +228,13 @@ def test_what_is_told_clear_at_once_is_clear():
         assert (told is None) == (gap >= -1e-6 * 0.3)
         quick, close = quick + (told is None), close + (told is not None)
     assert quick > 5 and close > 5
+
+
+def test_a_tyre_that_enters_the_body_at_full_lock_says_that_the_inner_wheel_turns_further():
+    """By Ackermann's law; with parallel wheels there is no further to turn."""
+    limit = math.radians(30.0)
+    for geometry, said in (("ackermann", True), ("parallel", False)):
+        steering = replace(AMPHIBIOUS.steering, geometry=geometry, limit=limit)
+        with pytest.raises(ValueError, match=r"or less steering \(Steering\.limit = 30 deg") as error:
+            replace(AMPHIBIOUS, steering=steering, hull=replace(AMPHIBIOUS.hull, width=0.535))
+        assert ("at which the inner wheel turns" in str(error.value)) == said, str(error.value)
