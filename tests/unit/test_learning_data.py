@@ -125,7 +125,7 @@ def test_a_compact_run_is_a_third_as_large_and_the_same_but_for_rounding(run, tm
 def test_every_run_that_comes_with_exumob_can_be_learnt_from(file):
     """Also those that were thinned before jumps were noted."""
     found = load_run(file)
-    assert found.attrs["status"] == "completed" and usable(found).mean() > 0.98
+    assert found.attrs["status"] == "completed" and usable(found).mean() > 0.95
     assert {"position", "water_wrench", "water_wrench_smooth", "flow_state"} <= set(found.variables)
 
 
