@@ -88,8 +88,6 @@ def sweep_command(  # one argument an option of the command line
             experiment, cases = from_options(vehicle, [*chosen, *(fixed or [])], vary or [], samples, seed, unusual)
             with option_names():
                 experiment = experiment.with_networks(networks or [])
-                if networks:
-                    experiment.check()
         if mpi:
             refuse_without_effect("with --mpi", "mpiexec -n says how many ranks there are; leave {it} out", "workers")
         with counting_bar("sweep", len(cases), "cases") as (bar, task):

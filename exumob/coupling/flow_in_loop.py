@@ -245,7 +245,6 @@ class CfdHydrodynamics:
         """Forget any earlier record; the flow is that of `run_spin_up`, or comes with `restore`."""
         require_positive("CfdHydrodynamics", macro_step=macro_step)
         self._vehicle, self._water = vehicle, _required(water)
-        self.parameters["spin_up"] = asdict(self.spin_up.for_vehicle(vehicle))
         if not self._spun_up:  # the flow of an earlier run
             self._poses, self._spin_up_times, self._spin_up_wrenches = None, [], []
         self._spun_up = False

@@ -281,7 +281,7 @@ def _say_start(run: RunDescription, model: MultibodyVehicle, start: Start) -> No
     slid = float(np.hypot(*(model.present().position[-1, 1:].mean(axis=0) - laid)[:2]))
     if slid > SLID * run.vehicle.wheelbase:
         logger.warning(
-            "%s: before it stood still it slid by %.2g m on the slope; its path begins there, not where it was put.",
+            "%s: while it settled it slid by %.2g m; its path begins there, not where it was put.",
             name, slid,
         )  # fmt: skip
     if start.kind == "creeping":

@@ -58,7 +58,7 @@ def hydrodynamics_named(
         None: dry ground.
     networks : sequence of NetworkSet or path, optional
         Members of the ensemble, or files of one or several (`exumob.surrogates.ensemble`); ``"paper-lstm"`` stands for
-        the paper's (`exumob.surrogates.networks.NAMED`). Default: those for lane changes.
+        the paper's (`exumob.surrogates.networks.NAMED`). Default: the ensemble that comes with exumob.
     coefficients : Coefficients, optional
         Coefficients of the coefficient model. Default: the published ones. With others ``"auto"`` is ``"calibrated"``,
         as networks know nothing of them.

@@ -152,7 +152,8 @@ class Experiment(Declared):
         Raises
         ------
         ValueError
-            If a file holds no networks, or is named twice, or networks have no effect on the model of the water.
+            If a file holds no networks, or is named twice; or networks do not fit the vehicle, or have no effect on
+            the model of the water.
         """
         found = tuple(Path(f) if folder is None or str(f) in NAMED else folder / f for f in files)
         if found and self.hydrodynamics in WITHOUT_NETWORKS:
@@ -161,8 +162,11 @@ class Experiment(Declared):
                 "leave them out, or choose 'networks'."
             )
         require_different("networks", found)
-        SurrogateHydrodynamics(found or None)  # what is wrong with them is said before anything runs
-        return replace(self, networks=found)
+        changed = replace(self, networks=found)
+        if found:  # what is wrong with them is said before anything runs
+            changed._ensemble()
+            changed.check()
+        return changed
 
     def with_values(self, values: Mapping[str, Any]) -> Experiment:
         """The experiment with other values; those that belong together change at once.

@@ -258,10 +258,7 @@ def _study(text: Mapping[str, Any], folder: Path) -> tuple[Experiment, list[Case
     }  # fmt: skip
     cases = lambda: _cases(lists, distributions, options, correlations)  # noqa: E731
     experiment, found = _checked(experiment, base, (lists, distributions), cases, unusual_values)
-    experiment = experiment.with_networks(files, folder)
-    if files:
-        experiment.check()
-    return experiment, found
+    return experiment.with_networks(files, folder), found
 
 
 def _beside(experiment: Experiment, folder: Path, name: str, value: Any) -> Any:

@@ -230,5 +230,5 @@ def test_a_vehicle_that_slides_while_it_settles_says_how_far(angle, slides, capl
     place, turn = standing_pose(vehicle, terrain)
     laid = (place + vehicle.wheel_centers @ turn.T).mean(axis=0)
     slid = float(np.hypot(*(run["position"].values[0, 1:].mean(axis=0) - laid)[:2]))
-    assert (f"before it stood still it slid by {slid:.2g} m" in caplog.text) == slides
+    assert (f"while it settled it slid by {slid:.2g} m" in caplog.text) == slides
     assert (slid > 0.02 * vehicle.wheelbase) == slides

@@ -109,10 +109,11 @@ def departures_of(
 
 def _measured_coefficients(model: CoefficientHydrodynamics) -> bool:
     """Whether coefficients are those that come with exumob, or those that its networks rest on."""
-    usual = type(model)()
-    if isinstance(model, CalibratedHydrodynamics) and model.waves.digest() == waves_of_networks():
-        usual = CalibratedHydrodynamics(waves=model.waves)
-    return bool(model.parameters == usual.parameters)
+    if model.parameters == type(model)().parameters:
+        return True
+    if not isinstance(model, CalibratedHydrodynamics) or model.waves.digest() != waves_of_networks():
+        return False
+    return bool(model.parameters == CalibratedHydrodynamics(waves=model.waves).parameters)
 
 
 def dry_departures(run: RunDescription, table: Mapping[str, Any]) -> Iterator[Departure]:

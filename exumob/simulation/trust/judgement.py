@@ -235,9 +235,10 @@ def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
             return Trust("networks", "not validated", "", soil, advice=advice)
         name = shipped
     waves = model.waves.digest() if isinstance(model, CalibratedHydrodynamics) else None
-    if waves == waves_of_networks() and waves is not None and is_measured_vehicle(run.vehicle):
+    others = waves not in (None, fitted_coefficients().digest())
+    if others and is_measured_vehicle(run.vehicle) and waves == waves_of_networks():
         name = "fitted"
-    elif waves not in (None, fitted_coefficients().digest()):
+    elif others:
         advice = "coefficients fitted to other runs than those of exumob; a report card says how far they were off."
         return Trust(name, "not validated", "", soil, advice=advice)
     same, straight = is_measured_vehicle(run.vehicle), is_straight(run)
