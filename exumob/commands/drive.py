@@ -51,7 +51,7 @@ from exumob.commands.options import (
     radians,
     refuse_without_effect,
 )
-from exumob.commands.shared import console, fail, vehicle_of
+from exumob.commands.shared import console, described_drive, fail, vehicle_of
 from exumob.simulation.settings import DURATION, SOIL, time_scale, usual_speed
 from exumob.support.quantities import (
     CELL_SIZE,
@@ -205,11 +205,8 @@ def drive_command(  # one argument an option of the command line
         return FlowOptions(size, coarse, threads, coupling, SNAPSHOTS if animate else None)
 
     def say(scene: Scene) -> None:
-        turning = float(scene.maneuver.wheel_speed(scene.duration)[0])
-        console.print(
-            f"{'drive':<21} {scene.vehicle.name}, {scene.duration:g} s; tyres at "
-            f"{turning * scene.vehicle.wheel.radius:.3g} m/s ({turning:.3g} rad/s) at the end", soft_wrap=True,
-        )  # fmt: skip
+        drives = described_drive(scene.vehicle, scene.maneuver, scene.duration)
+        console.print(f"{'drive':<21} {drives}", soft_wrap=True)
 
     drive(options, scene, flow_of, say)
 

@@ -26,7 +26,7 @@ from exumob.commands.options import (
     refuse_without_effect,
     span,
 )
-from exumob.commands.shared import check_targets, console, counting_bar, errors, fail, write_or_say
+from exumob.commands.shared import check_targets, console, counting_bar, described_drive, errors, fail, write_or_say
 from exumob.simulation.settings import SOIL
 from exumob.support.files import write_text
 from exumob.support.quantities import DIRECTION
@@ -62,9 +62,10 @@ def map_command(  # one argument an option of the command line
 ) -> None:
     """Map where the vehicle can cross, with the chance that it does, over depth, current and soil.
 
-    The vehicle drives straight ahead for 4 s and is judged over the last 1.5 s: speed, drift, footing, attitude. Nodes
-    outside the networks' training range are hatched. What is done is kept, and the same command goes on. Exit code: 1
-    if runs broke down, were out of time or killed, 2 if nothing could run.
+    The vehicle drives straight ahead and is judged at the end: speed, drift, footing, attitude; on a wheelbase of
+    0.714 m at 1 m/s for 4 s, of which the last 1.5 s count, on others by Froude's law. Nodes outside the networks'
+    training range are hatched. What is done is kept, and the same command goes on. Exit code: 1 if runs broke down,
+    were out of time or killed, 2 if nothing could run.
 
     Example: exumob map --depth 0.4:0.6 --current 0:1 --draws 10 --levels 1 --figure map.png
     """
@@ -83,23 +84,30 @@ def map_command(  # one argument an option of the command line
         if len(set(soil or [])) < len(soil or []):
             raise ValueError(f"--soil names a soil twice ({', '.join(soil or [])}); give each once.")
         experiment = replace(amphibious_crossing(), duration=4.0, setting=setting.value, hydrodynamics=hydrodynamics)
+        window = 1.5
         if vehicle is not None:
-            experiment = replace(experiment, vehicle=load_vehicle(vehicle))
+            experiment = experiment.with_vehicle(load_vehicle(vehicle))
+            window *= experiment.duration / 4.0
         with option_names():
             experiment = experiment.with_networks(networks or [])
         direction = radians("--current-direction", current_direction, DIRECTION, unusual)
         experiment = experiment.with_values({"water.current_direction": direction})
         experiment.check()
         wanted = MobilityMap(
-            Crossing(experiment, Limits(width=width, time=time, drift=drift, window=1.5)),
+            Crossing(experiment, Limits(width=width, time=time, drift=drift, window=window)),
             Axis("water.current_speed", *span("--current", current, unusual), cells),
             Axis("water.depth_ratio", *span("--depth", depth, unusual), cells),
             {name: {"soil": name} for name in soil or [SOIL]},
             scatter=SCATTER if draws > 1 else {}, draws=draws, levels=levels, seed=seed,
         )  # fmt: skip
         with counting_bar("map", 1, "runs") as (bar, task):
+            drives = described_drive(experiment.vehicle, experiment.maneuver, experiment.duration)
+            said: list[str] = []
 
             def progress(level: str, reached: Progress) -> None:
+                if not said:  # all is checked
+                    said.append(drives)
+                    errors.print(f"map of {drives}, judged over the last {window:.2g} s", soft_wrap=True)
                 bar.update(task, description=level, completed=reached.done, total=reached.total)
 
             result = compute_map(wanted, output, workers=workers, progress=progress)

@@ -124,11 +124,17 @@ def _print_summary(result: xr.Dataset, figures: dict[str, Any], setting: str) ->
         **({"setting": setting} if setting and result.attrs.get("trust_status") == "measured" else {}),
         **_range_lines(figures),
         **_member_lines(figures),
-        "wall time": f"{figures['wall_time']:.2f} s, and {float(result.attrs['settling_wall_time']):.2f} s to settle",
+        "wall time": f"{figures['wall_time']:.2f} s, and {float(result.attrs['settling_wall_time']):.2f} s to settle"
+        + _compiling(float(result.attrs["compiling_wall_time"])),
         "real-time factor": f"{figures['real_time_factor']:.2f} (simulated over wall time)",
     }
     for name, text in lines.items():
         console.print(f"{name:<21} {text}", soft_wrap=True)
+
+
+def _compiling(seconds: float) -> str:
+    """Say how long Numba compiled, apart from a second here or there."""
+    return f"; {seconds:.0f} s to compile kernels, which are kept" if seconds > 2.0 else ""
 
 
 def _range_lines(figures: dict[str, Any]) -> dict[str, str]:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+    from exumob.driving.maneuver import Maneuver
     from exumob.vehicle.parameters import Vehicle
 
 console = PlainConsole()
@@ -140,6 +141,15 @@ def counting_bar(description: str, total: int, unit: str) -> Iterator[tuple[Bar,
         TimeRemainingColumn(), console=errors, transient=True,
     ) as bar:  # fmt: skip
         yield bar, bar.add_task(description, total=total)
+
+
+def described_drive(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> str:
+    """Say who drives, for how long [s], and how fast the tyres turn at the end."""
+    turning = float(maneuver.wheel_speed(duration)[0])
+    return (
+        f"{vehicle.name}, {duration:g} s; tyres at {turning * vehicle.wheel.radius:.3g} m/s ({turning:.3g} rad/s) at "
+        "the end"
+    )
 
 
 def whatever_was_computed(run: Callable[[], xr.Dataset], output: Path | None) -> tuple[xr.Dataset, int]:

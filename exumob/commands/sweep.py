@@ -25,7 +25,7 @@ from exumob.commands.options import (
     option_names,
     refuse_without_effect,
 )
-from exumob.commands.shared import console, counting_bar, errors, fail
+from exumob.commands.shared import console, counting_bar, described_drive, errors, fail
 from exumob.support.files import require_folder_name
 
 CAUSES = 3
@@ -96,6 +96,8 @@ def sweep_command(  # one argument an option of the command line
                 if not kept:  # all is checked
                     kept.append(reached.kept)
                     errors.print(f"sweep of {need(experiment, cases, workers, keep_runs)}", soft_wrap=True)
+                    drives = described_drive(experiment.vehicle, experiment.maneuver, experiment.duration)
+                    errors.print(f"where nothing varies it: {drives}", soft_wrap=True)
                 bar.update(task, completed=reached.done)
 
             result = sweep(

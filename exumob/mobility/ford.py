@@ -21,12 +21,13 @@ from exumob.mobility.crossing import FOR_GOOD
 from exumob.simulation.ensemble import add_members
 from exumob.simulation.run import simulate
 from exumob.simulation.settings import time_scale, usual_speed
-from exumob.simulation.verdict import Flags, Verdict, VerdictLimits, judge, wheel_load_share
+from exumob.simulation.verdict import Flags, Verdict, VerdictLimits, judge, wheel_load_share, wheel_load_shares
 from exumob.simulation.water_models import DEFAULT_MODEL
 from exumob.support.arrays import Array
 from exumob.support.declared import Declared, checked
 from exumob.support.quantities import DURATION, Quantity
 from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.vehicle.motion import WHEELS
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.start_pose import StartPose
 from exumob.water.conditions import Water
@@ -39,6 +40,8 @@ LOST = (*FOR_GOOD, "swept away", "afloat")
 """Conditions with which a vehicle has not crossed though it came out on the other side: wheels do not hold it."""
 NEEDED = ("position", "slip_ratio", "water_depth", "keel_clearance")
 """Variables of a run that a report needs besides those of a verdict."""
+GRIPS = 0.05
+"""Share of the weight that a wheel bears at least while its slip counts by itself: others spin without a bite [-]."""
 PROGRESS_SHARE = 0.5
 """Share of the speed of its tyres at which a vehicle is given time to cross."""
 MOST_STEERING = math.radians(30.0)
@@ -241,6 +244,10 @@ FIGURES: dict[str, tuple[str, str]] = {
     "depth": ("m", "greatest depth of the undisturbed water below the hull's origin"),
     "wheel_load": ("1", "least share of the weight on the wheels"),
     "slip": ("1", "largest slip ratio, mean of the wheels in contact, once they are at speed"),
+    "wheel_slip": (
+        "1",
+        f"largest slip ratio of one wheel that bears {100.0 * GRIPS:.0f} % of the weight, then",
+    ),
     "freeboard": ("m", "least height of the hull's upper edge above the still water"),
     "clearance": ("m", "least height of the hull above the soil"),
     "hull_load": ("1", "largest share of the weight on the hull"),
@@ -307,6 +314,12 @@ class FordReport:
     """Least share of the weight on the wheels [-]"""
     slip: Extreme
     """Largest slip ratio, mean of the wheels in contact, once they are at speed [-]"""
+    wheel_slip: Extreme
+    """Largest slip ratio of one wheel that bears `GRIPS` of the weight or more, then [-]"""
+    slipping_wheel: str
+    """That wheel, one of `exumob.vehicle.motion.WHEELS`; empty: none"""
+    at_speed: float
+    """Time from which the wheels are at speed [s]"""
     freeboard: Extreme
     """Least height of the hull's upper edge above the still water [m]; negative: the deck is awash"""
     clearance: Extreme
@@ -341,13 +354,7 @@ class FordReport:
             else "the middle of the hull never came over water",
             "wheel load": f"{100.0 * self.wheel_load.value:.0f} % of the weight at least, {self.wheel_load.where()} "
             f"(afloat below {100.0 * self.limits.wheel_load:.0f} %)",
-            "slip": "the wheels never came to speed in contact with the soil"
-            if math.isnan(self.slip.value)
-            else f"{100.0 * self.slip.value:.0f} % at most (mean of the wheels in contact), {self.slip.where()}"
-            if self.slip.value > 0.005
-            else f"none: the vehicle is at least {-100.0 * self.slip.value:.0f} % faster than the tread of its tyres"
-            if self.slip.value < -0.005
-            else "none: the vehicle is as fast as the tread of its tyres",
+            "slip": self._slip(),
             "freeboard": f"{self.freeboard.value:.3f} m at least, {self.freeboard.where()}"
             + (" (the deck is awash)" if self.freeboard.value < 0.0 else ""),
             "clearance": f"{self.clearance.value:.3f} m at least, {self.clearance.where()}"
@@ -361,6 +368,20 @@ class FordReport:
             "members": "" if self.members is None else f"{self.members}",
         }
         return {name: text for name, text in found.items() if text}
+
+    def _slip(self) -> str:
+        if math.isnan(self.slip.value):
+            return "the wheels never came to speed in contact with the soil"
+        if self.slip.value < -0.005:
+            return f"none: the vehicle is at least {-100.0 * self.slip.value:.0f} % faster than the tread of its tyres"
+        if self.slip.value <= 0.005:
+            return "none: the vehicle is as fast as the tread of its tyres"
+        text = f"{100.0 * self.slip.value:.0f} % at most (mean of the wheels in contact, "
+        text += f"from {self.at_speed:.3g} s on, when they are at speed), {self.slip.where()}"
+        if self.slipping_wheel:
+            worst = f"{100.0 * self.wheel_slip.value:.0f} % at the {self.slipping_wheel.replace('_', ' ')} wheel"
+            text += f"; {worst}, {self.wheel_slip.where()}"
+        return text
 
     def __str__(self) -> str:
         """Return the report, a line each."""
@@ -411,6 +432,10 @@ def ford_report(run: xr.Dataset, ford: Ford, limits: VerdictLimits | None = None
     with np.errstate(invalid="ignore"):
         slip = run["slip_ratio"].mean("wheel").values
     at_speed = time >= ford.maneuver.ramp_time
+    of_wheels = run["slip_ratio"].sel(wheel=list(WHEELS)).transpose("time", "wheel").values.astype(float)
+    grips = (wheel_load_shares(run, ford.vehicle) >= GRIPS) & np.isfinite(of_wheels)
+    gripping = np.where(grips, of_wheels, -np.inf)
+    wheel_slip = extreme(gripping.max(axis=1), np.nanargmax, at_speed)
     on_hull = run["hull_load_share"].values if "hull_load_share" in run else np.zeros(len(time))
     return FordReport(
         kind,
@@ -422,6 +447,9 @@ def ford_report(run: xr.Dataset, ford: Ford, limits: VerdictLimits | None = None
         extreme(run["water_depth"].values, np.nanargmax),
         extreme(wheel_load_share(run, ford.vehicle), np.nanargmin),
         extreme(slip, np.nanargmax, at_speed),
+        wheel_slip,
+        "" if math.isnan(wheel_slip.value) else WHEELS[int(gripping[time == wheel_slip.time][0].argmax())],
+        ford.maneuver.ramp_time,
         extreme(_freeboard(run, ford), np.nanargmin),
         extreme(run["keel_clearance"].values, np.nanargmin),
         extreme(on_hull, np.nanargmax),

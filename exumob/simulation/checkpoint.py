@@ -20,6 +20,7 @@ from exumob.coupling.scheme import Coupling
 from exumob.multibody.system import MultibodyVehicle, SavedState
 from exumob.simulation.description import RunDescription
 from exumob.support import saved_state
+from exumob.support.compiled import computing_clock
 from exumob.support.identity import program_digest, users_identity
 from exumob.support.provenance import parameters_json, versions
 from exumob.support.saved_state import HEAD, head_of, opened, read, refuse, require_place, write
@@ -82,7 +83,7 @@ class Checkpoints:
         self._written = -1
         self._passed = 0  # whole intervals
         self._patience = 0.0
-        self._began = time.perf_counter()
+        self._began = computing_clock()
         self.elapsed = 0.0
         """Wall time of earlier processes until the checkpoint from which this one goes on [s]."""
         self._failed = False
@@ -188,4 +189,4 @@ class Checkpoints:
         return True
 
     def _elapsed(self) -> float:
-        return self.elapsed + time.perf_counter() - self._began
+        return self.elapsed + computing_clock() - self._began

@@ -155,7 +155,12 @@ def wheel_load_share(run: xr.Dataset, vehicle: Vehicle | None = None) -> Array:
     vehicle : Vehicle, optional
         Default: the vehicle that the run's attribute ``parameters`` holds.
     """
-    borne = run["soil_force"].sel(axis="z").sum("wheel").values.astype(float)
+    return np.asarray(wheel_load_shares(run, vehicle).sum(axis=1))
+
+
+def wheel_load_shares(run: xr.Dataset, vehicle: Vehicle | None = None) -> Array:
+    """Return the share of the weight that each wheel bears [-], shape (n, 4); arguments as of `wheel_load_share`."""
+    borne = run["soil_force"].sel(axis="z").transpose("time", "wheel").values.astype(float)
     return np.asarray(borne / _dimensions(run, vehicle).weight)
 
 

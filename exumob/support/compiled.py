@@ -1,17 +1,32 @@
-"""Compiled kernels: say once, before a long silence, that they have yet to be compiled."""
+"""Compiled kernels: say once, before a long silence, that they have yet to be compiled; how long that took."""
 
 from __future__ import annotations
 
 import logging
 import pickle
+import time
 from collections.abc import Callable
 from typing import Any
+
+from numba.core import event
 
 from exumob.support.caches import VARIABLE, is_private
 
 logger = logging.getLogger(__name__)
 
 _said: set[str] = set()
+_compiling = event.TimingListener()
+event.register("numba:compile", _compiling)
+
+
+def compiling_time() -> float:
+    """Return for how long Numba has compiled in this process [s]."""
+    return float(_compiling.duration) if _compiling.done else 0.0
+
+
+def computing_clock() -> float:
+    """Return the reading of a clock that stands still while Numba compiles [s]; only differences mean something."""
+    return time.perf_counter() - compiling_time()
 
 
 def is_compiled(kernel: Callable[..., Any]) -> bool:

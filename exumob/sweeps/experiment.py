@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import functools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from numbers import Real
@@ -130,14 +131,18 @@ class Experiment(Declared):
         ]  # fmt: skip
 
     def with_vehicle(self, vehicle: Vehicle) -> Experiment:
-        """The experiment with another vehicle, in water of the same depth over the diameter of its tyres.
+        """The experiment with another vehicle, driven by Froude's law, as deep in the water over the size of its tyres.
 
-        A level and a field stay as they are.
+        Wheel speed, times of the maneuver and duration go with the root of the wheelbase (`maneuver_for`). Current,
+        waypoints, a level and a field stay as they are.
         """
-        water = self.water
+        water, unit = self.water, math.sqrt(vehicle.wheelbase / self.vehicle.wheelbase)
         if water is not None and water.depth is not None:
             water = replace(water, depth=water.depth / self.vehicle.wheel.diameter * vehicle.wheel.diameter)
-        return replace(self, vehicle=vehicle, water=water)
+        return replace(
+            self, vehicle=vehicle, water=water, maneuver=maneuver_for(self.maneuver, self.vehicle, vehicle),
+            duration=self.duration if unit == 1.0 else math.ceil(10.0 * unit * self.duration - 1e-9) / 10.0,
+        )  # fmt: skip
 
     def with_networks(self, files: Sequence[str | Path], folder: Path | None = None) -> Experiment:
         """The experiment with networks of one's own.
@@ -333,7 +338,7 @@ class Experiment(Declared):
                 raise ValueError(f"soil = {shown(value)} must be the name of a published soil, or a Soil.")
             return replace(self, soil=value if isinstance(value, Soil) else Soil.published(value))
         if name == "maneuver":
-            return replace(self, maneuver=maneuver_named(value) if isinstance(value, str) else value)
+            return replace(self, maneuver=self._driven(value) if isinstance(value, str) else value)
         if name == "forces":
             several = [value] if isinstance(value, PointForce) else value
             if not isinstance(several, list | tuple) or not all(isinstance(one, PointForce) for one in several):
@@ -344,6 +349,12 @@ class Experiment(Declared):
             raise ValueError(f"{name} = {shown(value)} is not known; use {', '.join(map(repr, known))}.")
         chosen: dict[str, Any] = {name: str(value)}
         return replace(self, **chosen)
+
+    def _driven(self, name: str) -> Maneuver:
+        """The maneuver of a name, as the vehicle drives it."""
+        from vehicle_models.amphibious import amphibious_vehicle
+
+        return maneuver_for(maneuver_named(name), amphibious_vehicle(), self.vehicle)
 
     def _with_member(self, value: Any) -> dict[str, Any]:
         if value is None:
@@ -516,7 +527,7 @@ def amphibious_crossing() -> Experiment:
 
 
 def maneuver_named(name: str) -> Maneuver:
-    """Maneuver that a name stands for, one of `MANEUVERS`.
+    """Maneuver of the paper's vehicle that a name stands for, one of `MANEUVERS`.
 
     Raises
     ------
@@ -526,6 +537,30 @@ def maneuver_named(name: str) -> Maneuver:
     if name not in MANEUVERS:
         raise ValueError(f"maneuver = {name!r} is not known; use {', '.join(map(repr, MANEUVERS))}.")
     return MANEUVERS[name]
+
+
+def maneuver_for(maneuver: Maneuver, before: Vehicle, vehicle: Vehicle) -> Maneuver:
+    """Return the maneuver of one vehicle as another drives it by Froude's law, with the same motion but for its scale.
+
+    Its times go with the root of the wheelbase, and so does the speed of the tyres' tread. Waypoints are places, and
+    stay; so does a maneuver of another kind than those of `MANEUVERS`.
+
+    Parameters
+    ----------
+    maneuver : Maneuver
+    before : Vehicle
+        The vehicle that the maneuver was for.
+    vehicle : Vehicle
+        The vehicle that is to drive it.
+    """
+    unit = math.sqrt(vehicle.wheelbase / before.wheelbase)
+    turning = unit * (before.wheel.radius / vehicle.wheel.radius)
+    factors = {"speed": turning, "start_speed": turning, "ramp_time": unit}
+    if isinstance(maneuver, LaneChange):
+        factors |= {"start": unit, "end": unit}
+    elif not isinstance(maneuver, ConstantSteer | PathFollowing):
+        return maneuver
+    return replace(maneuver, **{name: factor * getattr(maneuver, name) for name, factor in factors.items()})
 
 
 def _leaves(thing: Any) -> list[str]:

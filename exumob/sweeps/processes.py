@@ -23,6 +23,7 @@ import xarray as xr
 
 from exumob.simulation.summary import summary
 from exumob.simulation.verdict import verdict_of_error
+from exumob.support.compiled import computing_clock
 from exumob.support.errors import SimulationError
 from exumob.support.processes import end_with_parent, lives
 from exumob.sweeps.case_rows import fault_of_result
@@ -61,7 +62,7 @@ class _Worker:
         if self.parent is not None and os.getpid() != self.parent:
             end_with_parent(self.parent)
         attempts = store.begin(number, self.parent is None)
-        began = time.perf_counter()
+        began = computing_clock()
         if attempts >= ATTEMPTS:
             outcome = _Outcome("killed", f"its process ended {attempts} times while this case was under way")
         else:
@@ -74,7 +75,7 @@ class _Worker:
                 raise
             except Exception as error:  # of a function of the user: netCDF cannot hold all that a Dataset can
                 outcome = _Outcome("failed", f"its Dataset cannot be kept as netCDF: {type(error).__name__}: {error}")
-        store.end(number, outcome.status, outcome.reason, time.perf_counter() - began, outcome.values, is_run)
+        store.end(number, outcome.status, outcome.reason, computing_clock() - began, outcome.values, is_run)
         return number
 
 

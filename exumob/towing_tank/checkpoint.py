@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import logging
 import os
-import time
 from pathlib import Path
 from typing import Any
 
+from exumob.support.compiled import computing_clock
 from exumob.support.identity import program_digest
 from exumob.support.provenance import parameters_json, versions
 from exumob.support.saved_state import Fingerprint, head_of, opened, read, refuse, require_place, write
@@ -36,7 +36,7 @@ class CaptiveCheckpoint:
 
     def __init__(self, file: Path, parameters: dict[str, Any], resume: bool) -> None:
         """Check the file before anything runs."""
-        self.file, self._began, self._failed = file, time.perf_counter(), False
+        self.file, self._began, self._failed = file, computing_clock(), False
         self.elapsed = 0.0
         """Wall time of earlier processes until the checkpoint from which this one goes on [s]."""
         parts = {name: parameters_json({name: value}) for name, value in parameters.items()}
@@ -66,7 +66,7 @@ class CaptiveCheckpoint:
     def write(self, done: int, tree: dict[str, Any]) -> None:
         """Write the state after so many intervals; where that fails, say so once and let the run go on."""
         try:
-            write(self.file, done, tree, self.fingerprint, self.elapsed + time.perf_counter() - self._began)
+            write(self.file, done, tree, self.fingerprint, self.elapsed + computing_clock() - self._began)
         except OSError as error:
             if not self._failed:
                 reason = os.strerror(error.errno) if error.errno else str(error)

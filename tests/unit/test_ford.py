@@ -63,6 +63,23 @@ def test_slip_is_said_of_wheels_behind_and_ahead_of_their_tread(slip, said):
     assert said in ford_report(run, ford()).lines()["slip"]
 
 
+def test_the_wheel_that_slips_most_is_named_if_it_has_a_bite():
+    """Not one off the ground, nor one that hardly bears, nor before the wheels are at speed; the mean stands beside."""
+    run = drive()
+    run["slip_ratio"].loc[{"wheel": "front_left"}] = 1.0
+    run["soil_force"].loc[{"wheel": "front_left"}] = 0.01
+    run["slip_ratio"].loc[{"wheel": "rear_right", "time": slice(2.0, 2.1)}] = 0.62
+    run["slip_ratio"].loc[{"time": slice(0.0, 0.9)}] = 0.95
+    report = ford_report(run, ford())
+    assert report.slipping_wheel == "rear_right" and report.wheel_slip.value == pytest.approx(0.62)
+    assert report.wheel_slip.time == pytest.approx(2.0) and report.figures()["wheel_slip"] == report.wheel_slip.value
+    said = report.lines()["slip"]
+    assert said.startswith("56 % at most (mean of the wheels in contact, from 1 s on, when they are at speed)")
+    assert "; 62 % at the rear right wheel, at station" in said
+    run["soil_force"] = run["soil_force"] * 0.0
+    assert ford_report(run, ford()).slipping_wheel == ""
+
+
 @pytest.mark.parametrize("factor", [0.5, 4.0])
 def test_a_similar_ford_is_driven_similarly(factor):
     """Froude: lengths by the factor, speed and time by its root."""

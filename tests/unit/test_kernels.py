@@ -207,3 +207,23 @@ def test_all_kernels_of_this_package_are_kept_so_and_every_import_is_found():
                 assert path == Path(kernels.__file__)
         wanted = {name for name in wanted if name.partition(".")[0] == "exumob" and kernels._file(name)}
         assert wanted <= kernels._imported(text), path
+
+
+def test_the_clock_of_computing_stands_still_while_numba_compiles():
+    """Compiling is told apart from computing; what is found on the disk or compiled already takes none."""
+
+    def work(x):
+        total = 0.0
+        for k in range(40):
+            total += x**k
+        return total
+
+    kernel = numba.njit(work)
+    wall, computing, compiling = time.perf_counter(), compiled.computing_clock(), compiled.compiling_time()
+    kernel(1.0)
+    took = compiled.compiling_time() - compiling
+    computed, passed = compiled.computing_clock() - computing, time.perf_counter() - wall
+    assert 0.02 < took <= passed and computed + took == pytest.approx(passed, abs=5e-3)
+    before = compiled.compiling_time()
+    kernel(2.0)
+    assert compiled.compiling_time() == before

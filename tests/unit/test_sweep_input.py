@@ -1,16 +1,19 @@
 """What is asked of a sweep: arguments, values of cases, results and folders that are refused, by name."""
 
+import math
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from exumob.driving.maneuver import Recorded
 from exumob.flow.output.vtk import VtkSeries
+from exumob.simulation.settings import usual_speed
 from exumob.support.files import require_folder_name
 from exumob.sweeps import sweep, tune
 from exumob.sweeps.case_rows import fault_of_result
-from exumob.sweeps.experiment import amphibious_lane_change
+from exumob.sweeps.experiment import MANEUVERS, amphibious_lane_change
 from exumob.sweeps.run import _check_cases
 from exumob.sweeps.study import from_options
 from exumob.vehicle.vehicle_file import load_vehicle
@@ -103,6 +106,32 @@ def test_another_vehicle_stands_as_deep_over_its_tyres():
     )
     assert found.water == base.water and given.water.depth == 0.2
     assert replace(base, water=None).with_vehicle(car).water is None
+
+
+@pytest.mark.parametrize("name", ["lane change", "straight", "path following"])
+def test_another_vehicle_is_driven_by_froudes_law(name):
+    """Speed of the tread, times and duration go with the root of the wheelbase; what is set stays."""
+    base, car = amphibious_lane_change(), load_vehicle("small_car")
+    base = base.with_values({"maneuver": name})
+    assert base.maneuver == MANEUVERS[name] and base.with_vehicle(base.vehicle) == base
+    root = math.sqrt(car.wheelbase / base.vehicle.wheelbase)
+    driven = base.with_vehicle(car)
+    assert driven.maneuver.speed * car.wheel.radius == pytest.approx(usual_speed(car)) == pytest.approx(root)
+    assert driven.maneuver.ramp_time == pytest.approx(root) and driven.duration == pytest.approx(8.0 * root, abs=0.1)
+    assert driven.maneuver == amphibious_lane_change().with_vehicle(car).with_values({"maneuver": name}).maneuver
+    assert driven.with_values({"maneuver": name, "maneuver.speed": 3.0, "duration": 5.0}).maneuver.speed == 3.0
+    if name == "lane change":
+        assert (driven.maneuver.start, driven.maneuver.end) == pytest.approx((2.0 * root, 5.5 * root))
+    back = driven.with_vehicle(base.vehicle).maneuver
+    assert back.speed == pytest.approx(10.0) and back.ramp_time == pytest.approx(1.0)
+
+
+def test_a_maneuver_of_ones_own_stays_as_it_is():
+    recorded = Recorded(np.linspace(0.0, 4.0, 9), np.zeros(9), np.full(9, 5.0))
+    assert (
+        replace(amphibious_lane_change(), maneuver=recorded).with_vehicle(load_vehicle("small_car")).maneuver
+        is recorded
+    )
 
 
 def test_combinations_that_do_not_fit_become_rows_with_a_warning(caplog):
