@@ -26,7 +26,16 @@ from exumob.commands.options import (
     refuse_without_effect,
     span,
 )
-from exumob.commands.shared import check_targets, console, counting_bar, described_drive, errors, fail, write_or_say
+from exumob.commands.shared import (
+    aspects,
+    check_targets,
+    console,
+    counting_bar,
+    described_drive,
+    errors,
+    fail,
+    write_or_say,
+)
 from exumob.simulation.settings import SOIL
 from exumob.support.files import write_text
 from exumob.support.quantities import DIRECTION
@@ -118,7 +127,7 @@ def map_command(  # one argument an option of the command line
         raise typer.Exit(130) from None
     for text in verdict_lines(result):
         console.print(text, soft_wrap=True)
-    console.print(f"trust     {result.attrs['trust']}", soft_wrap=True)
+    console.print(f"trust     {aspects(result.attrs['trust'], 10)}", soft_wrap=True)
     console.print(f"result    {output / 'map.nc'}", soft_wrap=True)
     written = True
     if csv is not None:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from exumob.commands.shared import console, write_result
+from exumob.commands.shared import aspects, console, write_result
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -64,7 +63,7 @@ def report_ford(
         style = ("green" if report.crosses else "red") if name == "verdict" else None
         if name == "trust" and result.attrs["trust_status"] != "measured":
             style = "yellow"
-        console.print(f"{name:<12} {_aspects(text, 13) if name == 'trust' else text}", style=style, soft_wrap=True)
+        console.print(f"{name:<12} {aspects(text, 13) if name == 'trust' else text}", style=style, soft_wrap=True)
     kept = result.isel(time=slice(report.last + 1))
     return write_result(result, targets, plot, lambda _, file: _animation(result)(kept, file))
 
@@ -89,7 +88,7 @@ def _print_verdict(result: xr.Dataset) -> None:
 def _print_trust(result: xr.Dataset) -> None:
     if "trust" in result.attrs:
         style = None if result.attrs["trust_status"] == "measured" else "yellow"
-        console.print(f"{'trust':<21} {_aspects(result.attrs['trust'], 22)}", style=style, soft_wrap=True)
+        console.print(f"{'trust':<21} {aspects(result.attrs['trust'], 22)}", style=style, soft_wrap=True)
     parts = str(result.attrs.get("trust_errors", "")).splitlines()
     if parts:
         heading = "parts of the error where it was measured, each by itself (of the path's end, over its length):"
@@ -97,11 +96,6 @@ def _print_trust(result: xr.Dataset) -> None:
     for part in parts:
         name, _, amount = part.partition(": ")
         console.print(f"  {name:<23} {amount}", soft_wrap=True)
-
-
-def _aspects(text: str, indent: int) -> str:
-    """Return the line of trust with each of its sentences on a line of its own, below the first one."""
-    return re.sub(r"(?<=[.;]) +(?=[A-Z])", "\n" + " " * indent, text)
 
 
 def _print_summary(result: xr.Dataset, figures: dict[str, Any], setting: str) -> None:

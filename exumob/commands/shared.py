@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import os
+import re
 import shutil
 import subprocess
 import time
@@ -150,6 +151,11 @@ def described_drive(vehicle: Vehicle, maneuver: Maneuver, duration: float) -> st
         f"{vehicle.name}, {duration:g} s; tyres at {turning * vehicle.wheel.radius:.3g} m/s ({turning:.3g} rad/s) at "
         "the end"
     )
+
+
+def aspects(text: str, indent: int) -> str:
+    """Return the line of trust with each of its sentences on a line of its own, below the first one."""
+    return re.sub(r"(?<=[.;]) +(?=[A-Z])", "\n" + " " * indent, text)
 
 
 def whatever_was_computed(run: Callable[[], xr.Dataset], output: Path | None) -> tuple[xr.Dataset, int]:

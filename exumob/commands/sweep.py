@@ -25,7 +25,7 @@ from exumob.commands.options import (
     option_names,
     refuse_without_effect,
 )
-from exumob.commands.shared import console, counting_bar, described_drive, errors, fail
+from exumob.commands.shared import aspects, console, counting_bar, described_drive, errors, fail
 from exumob.support.files import require_folder_name
 
 CAUSES = 3
@@ -117,7 +117,7 @@ def sweep_command(  # one argument an option of the command line
         for name, number in Counter(str(one) for one in result["verdict"].values if str(one)).most_common():
             console.print(f"{'verdict':<12} {name}: {number}", soft_wrap=True)
     if "trust" in result.attrs:
-        console.print(f"{'trust':<12} {result.attrs['trust']}", soft_wrap=True)
+        console.print(f"{'trust':<12} {aspects(result.attrs['trust'], 13)}", soft_wrap=True)
     _print_causes(status, [str(reason) for reason in result["reason"].values], cases)
     console.print(f"{'result':<12} {output / 'sweep.nc'}", soft_wrap=True)
     if code := exit_code(status):

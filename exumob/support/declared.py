@@ -36,11 +36,15 @@ class UnknownField(ValueError, TypeError):
     """A class was given a field that it does not have."""
 
 
+class MissingField(ValueError, TypeError):
+    """A class was not given a field that it needs."""
+
+
 _make = type.__call__
 
 
 class _Answering(type):
-    """Lets a class that is given unknown fields name those that are meant."""
+    """Lets a class that is given unknown fields, or not all, name those that are meant."""
 
     if not typing.TYPE_CHECKING:  # what a call makes is a matter of the class
 
@@ -48,10 +52,10 @@ class _Answering(type):
             try:
                 return _make(cls, *args, **kwargs)
             except TypeError as error:
-                unknown = _unknown_fields(cls, kwargs)
-                if not unknown or isinstance(error, UnknownField):
+                unknown, missing = _unknown_fields(cls, kwargs), _missing_fields(cls, len(args), kwargs)
+                if not (unknown or missing) or isinstance(error, UnknownField | MissingField):
                     raise
-            raise UnknownField(unknown)
+            raise UnknownField(unknown) if unknown else MissingField(missing)
 
 
 def _unknown_fields(owner: type, given: Mapping[str, Any]) -> str:
@@ -67,6 +71,19 @@ def _unknown_fields(owner: type, given: Mapping[str, Any]) -> str:
         near = list(dict.fromkeys([*named, *nearest_names(name, known)]))[:3]
         lines.append(f"{name!r} (did you mean {' or '.join(near)}?)" if near else repr(name))
     return f"{owner.__name__} has no field {', no field '.join(lines)}; its fields are {', '.join(known)}."
+
+
+def _missing_fields(owner: type, number: int, given: Mapping[str, Any]) -> str:
+    """Say which fields are needed beside the first `number` and those given by name, with units; empty if none are."""
+    if not is_dataclass(owner):
+        return ""
+    made = [field.name for field in fields(owner) if field.init]
+    lines = [
+        f"{field.name}{f' [{field.quantity.unit}]'.replace('[1]', '[-]') if field.quantity is not None else ''}"
+        for field in declared_fields(owner)
+        if field.name in made[number:] and field.name not in given and field.default is MISSING
+    ]
+    return f"{owner.__name__} lacks {', '.join(lines)}; give {'them' if len(lines) > 1 else 'it'}." if lines else ""
 
 
 def nearest_names(name: str, known: Sequence[str]) -> list[str]:
@@ -86,7 +103,8 @@ def nearest_names(name: str, known: Sequence[str]) -> list[str]:
 class Declared(metaclass=_Answering):
     """Mixin of frozen dataclasses: every field is checked by its declared type when an object is made.
 
-    A field that the class does not have is answered by the nearest names of those that it has (`UnknownField`).
+    A field that the class does not have is answered by the nearest names of those that it has (`UnknownField`), one
+    that is needed and not given by its name and unit (`MissingField`).
     """
 
     def __post_init__(self) -> None:

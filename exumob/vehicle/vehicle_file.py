@@ -17,7 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from exumob.support.declared import checked
+from exumob.support.declared import MissingField, UnknownField, checked
 from exumob.support.quantities import ImplausibleValue
 from exumob.vehicle.parameters import Vehicle
 
@@ -126,9 +126,13 @@ def _maker(module: ModuleType, path: Path) -> Any:
     }
     if len(makers) != 1:
         names = f": {', '.join(sorted(maker.__name__ for maker in makers.values()))}" if makers else ""
+        remedy = "Begin the names of others with an underscore."
+        if not makers:
+            imported = [n for n, value in vars(module).items() if inspect.isfunction(value) and not n.startswith("_")]
+            remedy = "" if not imported else f"Imported ones ({', '.join(imported)}) do not count: call them in it."
         raise _FileError(
             f"vehicle file {path} defines {len(makers)} public functions{names}; it must define exactly one, which "
-            "returns the vehicle. Begin the names of others with an underscore."
+            f"returns the vehicle. {remedy}".rstrip()
         )
     (maker,) = makers.values()
     several = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
@@ -180,9 +184,9 @@ def _errors_named(path: Path) -> Iterator[None]:
         beside = [f for f in frames if f.filename != str(path) and Path(f.filename).parent == path.resolve().parent]
         where += f" ({Path(beside[-1].filename).name}, line {beside[-1].lineno})" if beside else ""
         text = " ".join(str(error).split())[:2000]
-        says_all = type(error) in (ValueError, ImplausibleValue)
+        says_all = type(error) in (ValueError, ImplausibleValue, UnknownField, MissingField)
         kind = "" if says_all and text else f"{type(error).__name__}{': ' if text else ''}"
-        hint = "exumob/vehicle/parameters.py lists the fields." if isinstance(error, TypeError) else "mend it."
+        hint = "`exumob parameters` lists the fields." if isinstance(error, TypeError) else "mend it."
         end = "" if text.endswith(".") and not isinstance(error, TypeError) else f"; {hint}"
         refusal = ImplausibleValue if isinstance(error, ImplausibleValue) else ValueError
         raise refusal(f"vehicle file {path}{where}: {kind}{text.removesuffix('.') if end else text}{end}") from error

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from exumob import ImplausibleValue, Soil, Terrain, Water, unusual
-from exumob.support.declared import Declared, checked, declared_fields
+from exumob import ImplausibleValue, Soil, Terrain, Water, Wheel, unusual
+from exumob.support.declared import Declared, MissingField, UnknownField, checked, declared_fields
 from exumob.support.quantities import Quantity
 from vehicle_models.amphibious import amphibious_vehicle
 
@@ -262,3 +262,15 @@ def test_a_field_that_is_not_there_is_answered_by_the_nearest(make, message):
 def test_other_mistakes_of_a_call_stay_what_python_says(make):
     with pytest.raises(TypeError, match="argument"):
         make()
+
+
+def test_a_field_that_is_needed_is_asked_for_by_name_and_unit():
+    """Of whatever class, given by place or by name; an unknown field beside it is answered first."""
+    with pytest.raises(MissingField, match=r"^Wheel lacks mass \[kg\], diameter \[m\], width \[m\]; give them\.$"):
+        Wheel()
+    with pytest.raises(MissingField, match=r"^Soil lacks n \[-\]"):
+        Soil("clay", k_phi=1e5)
+    with pytest.raises(UnknownField, match="no field 'radious'"):
+        Wheel(radious=0.3)
+    with pytest.raises(TypeError, match="takes"):  # too many are no missing ones
+        Wheel(*range(40))
