@@ -94,7 +94,7 @@ def coefficient_flow(task, vehicle, checkpoint, progress):
         return histories_with(run, loads)
     sand = Soil.published(SOIL)
     result = simulate(
-        vehicle, sand, task.water, task.maneuver, Larger(), duration=task.duration, micro_step=5e-4, macro_step=1e-3,
+        vehicle, sand, task.water, task.maneuver, Larger(), duration=task.duration, micro_step=1e-3, macro_step=5e-3,
         record_step=1e-3,
     )  # fmt: skip
     return pack(result).assign_attrs(described(task, vehicle) | {"parameters": result.attrs["parameters"]})
