@@ -230,7 +230,8 @@ class LearningPlan:
             f"range     depth {wanted.depth[0]:g} to {wanted.depth[1]:g} of the tyre's diameter ({low:.3g} to "
             f"{high:.3g} m); current {wanted.current[0]:g} to {wanted.current[1]:g} m/s of the paper's vehicle, by "
             f"Froude's law {slow:.3g} to {fast:.3g} m/s of this one, {_sides(wanted.directions)}",
-            f"motion    {', '.join(shares)}; up to {slower:.2g} and {fastest:.2g} Hz",
+            f"motion    {', '.join(shares)}; in captive runs with up to {slower:.2g} Hz (speeds, steering) and "
+            f"{fastest:.2g} Hz (pitch, roll, heave)",
             *([f"          {hurried}"] if fastest > TOO_FAST * self.envelope.fast else []),
             f"cells     {1e3 * self.cell_size:.3g} mm (--cell-size {self.cell_size:.9g})",
             *[f"          resolved: {text}" for text in self.resolved],
@@ -257,7 +258,8 @@ class LearningPlan:
         found.append(
             f"takes     {self.core_hours:.2g} core hours for the runs and {self.training_hours:.2g} for {self.seeds} "
             f"seeds of networks, of a budget of {self.budget:g}; about {spelled_time(3600.0 * total / side_by_side)} "
-            f"with {jobs} worker{'s' if jobs > 1 else ''}; {spelled_size(jobs * most.cost.memory)} of memory"
+            f"with {jobs} worker{'s' if jobs > 1 else ''} on an idle machine; {spelled_size(jobs * most.cost.memory)} "
+            "of memory"
         )
         return found
 

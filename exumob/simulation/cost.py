@@ -79,7 +79,9 @@ def require_room(steps: Steps) -> None:
     limit = memory_limit()
     remedy = f"give a duration of {0.99 * steps.duration * limit / (history + record):.2g} s or less"
     if history < 0.99 * limit:
-        remedy += f", or, from Python, a record_step of {1.01 * steps.record_step * record / (limit - history):.2g} s or more"
+        remedy += (
+            f", or, from Python, a record_step of {1.01 * steps.record_step * record / (limit - history):.2g} s or more"
+        )
     require_memory(
         f"simulate: the record of duration = {steps.duration:g} s, every {HISTORY_STEP:g} s for the water and every "
         f"record_step = {steps.record_step:g} s for the result", history + record, f"{remedy}.",

@@ -290,7 +290,7 @@ def test_the_plan_says_how_fast_its_runs_move(plan, short):
         slow, fast = (max(max(s.harmonics) / motion.period for s in some)
                       for some in (motion.multisines()[:SLOW], motion.multisines()[SLOW:]))  # fmt: skip
         text = "\n".join(made.lines(1))
-        assert f"up to {slow:.2g} and {fast:.2g} Hz" in text
+        assert f"up to {slow:.2g} Hz (speeds, steering) and {fast:.2g} Hz (" in text
         assert ("drives have up to 0.5 and 2 Hz: in runs as short as these" in text) == hurried
 
 
