@@ -208,7 +208,7 @@ def test_another_vehicle_gets_the_calibrated_model_and_a_warning(vehicle, sand, 
     assert wet.attrs["hydrodynamics"] == "CalibratedHydrodynamics"
     assert "wider: no networks know this vehicle (track = 0.7, they were trained with 0.66)" in caplog.text
     assert "come from coefficients that were calibrated on amphibious, light 4x4, large 4x4, small car" in caplog.text
-    assert "each with coefficients fitted without that vehicle, (light 4x4, large 4x4, small car; 50 %" in caplog.text
+    assert "each with coefficients fitted without that vehicle (light 4x4, large 4x4, small car; 50 %" in caplog.text
     low, high = measured_errors()["elsewhere"]["calibrated"]
     assert (
         f"{100 * low:.2g} to {100 * high:.2g} % of the path away. `exumob learn` makes networks for a vehicle."

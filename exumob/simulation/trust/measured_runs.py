@@ -75,7 +75,7 @@ def fitted_off() -> str:
 def elsewhere_off(name: str) -> str:
     """Say how far lane changes of other vehicles ended from the flow with a model: "calibrated" or "coefficients"."""
     others = measured_errors()["elsewhere"]
-    how = ", each with coefficients fitted without that vehicle," if name == "calibrated" else ""
+    how = ", each with coefficients fitted without that vehicle" if name == "calibrated" else ""
     return (
         f"of other vehicles one lane change each was compared{how} ({', '.join(others['vehicles'])}; "
         f"{100.0 * others['depth_ratio']:.0f} % depth, a head current of {others['current_speed']:g} m/s of the "
