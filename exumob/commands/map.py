@@ -36,7 +36,7 @@ from exumob.commands.shared import (
     fail,
     write_or_say,
 )
-from exumob.simulation.settings import SOIL
+from exumob.simulation.settings import SOIL, time_scale
 from exumob.support.files import write_text
 from exumob.support.quantities import DIRECTION
 
@@ -96,7 +96,7 @@ def map_command(  # one argument an option of the command line
         window = 1.5
         if vehicle is not None:
             experiment = experiment.with_vehicle(load_vehicle(vehicle))
-            window *= experiment.duration / 4.0
+            window *= time_scale(experiment.vehicle)
         with option_names():
             experiment = experiment.with_networks(networks or [])
         direction = radians("--current-direction", current_direction, DIRECTION, unusual)
@@ -111,11 +111,11 @@ def map_command(  # one argument an option of the command line
         )  # fmt: skip
         with counting_bar("map", 1, "runs") as (bar, task):
             drives = described_drive(experiment.vehicle, experiment.maneuver, experiment.duration)
-            said: list[str] = []
+            said: list[bool] = []
 
             def progress(level: str, reached: Progress) -> None:
                 if not said:  # all is checked
-                    said.append(drives)
+                    said.append(True)
                     errors.print(f"map of {drives}, judged over the last {window:.2g} s", soft_wrap=True)
                 bar.update(task, description=level, completed=reached.done, total=reached.total)
 

@@ -63,8 +63,9 @@ def sweep_command(  # one argument an option of the command line
 ) -> None:
     """Run the lane change for many values of vehicle, soil, water, maneuver and water model.
 
-    Cases that fail become rows with a reason; finished ones are kept, and the same command goes on where it was
-    stopped. Exit code: 0 if all cases were completed, 1 if some were not, 2 if none could be run.
+    Another vehicle is driven by Froude's law: speed of the tyres, times and duration go with its size, and the water is
+    as deep over its tyres. Cases that fail become rows with a reason; finished ones are kept, and the same command goes
+    on where it was stopped. Exit code: 0 if all cases were completed, 1 if some were not, 2 if none could be run.
 
     Example: exumob sweep --vary water.current_speed=0,0.5,1 --vary "soil.cohesion~normal(1300,200)" --samples 32
     """
@@ -97,7 +98,7 @@ def sweep_command(  # one argument an option of the command line
                     kept.append(reached.kept)
                     errors.print(f"sweep of {need(experiment, cases, workers, keep_runs)}", soft_wrap=True)
                     drives = described_drive(experiment.vehicle, experiment.maneuver, experiment.duration)
-                    errors.print(f"where nothing varies it: {drives}", soft_wrap=True)
+                    errors.print(f"driven, unless varied: {drives}", soft_wrap=True)
                 bar.update(task, completed=reached.done)
 
             result = sweep(

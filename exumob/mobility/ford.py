@@ -246,7 +246,7 @@ FIGURES: dict[str, tuple[str, str]] = {
     "slip": ("1", "largest slip ratio, mean of the wheels in contact, once they are at speed"),
     "wheel_slip": (
         "1",
-        f"largest slip ratio of one wheel that bears {100.0 * GRIPS:.0f} % of the weight, then",
+        f"largest slip ratio of one wheel at speed that bears {100.0 * GRIPS:.0f} % of the weight",
     ),
     "freeboard": ("m", "least height of the hull's upper edge above the still water"),
     "clearance": ("m", "least height of the hull above the soil"),
@@ -315,7 +315,7 @@ class FordReport:
     slip: Extreme
     """Largest slip ratio, mean of the wheels in contact, once they are at speed [-]"""
     wheel_slip: Extreme
-    """Largest slip ratio of one wheel that bears `GRIPS` of the weight or more, then [-]"""
+    """Largest slip ratio of one wheel at speed that bears `GRIPS` of the weight or more [-]"""
     slipping_wheel: str
     """That wheel, one of `exumob.vehicle.motion.WHEELS`; empty: none"""
     at_speed: float
@@ -372,15 +372,19 @@ class FordReport:
     def _slip(self) -> str:
         if math.isnan(self.slip.value):
             return "the wheels never came to speed in contact with the soil"
-        if self.slip.value < -0.005:
-            return f"none: the vehicle is at least {-100.0 * self.slip.value:.0f} % faster than the tread of its tyres"
-        if self.slip.value <= 0.005:
-            return "none: the vehicle is as fast as the tread of its tyres"
-        text = f"{100.0 * self.slip.value:.0f} % at most (mean of the wheels in contact, "
-        text += f"from {self.at_speed:.3g} s on, when they are at speed), {self.slip.where()}"
-        if self.slipping_wheel:
+        text = (
+            f"none: the vehicle is at least {-100.0 * self.slip.value:.0f} % faster than the tread of its tyres"
+            if self.slip.value < -0.005
+            else "none: the vehicle is as fast as the tread of its tyres"
+            if self.slip.value <= 0.005
+            else f"{100.0 * self.slip.value:.0f} % at most (mean of the wheels in contact, from {self.at_speed:.3g} s "
+            f"on, when they are at speed), {self.slip.where()}"
+        )
+        if self.wheel_slip.value > max(self.slip.value, 0.0) + 0.005:
             worst = f"{100.0 * self.wheel_slip.value:.0f} % at the {self.slipping_wheel.replace('_', ' ')} wheel"
-            text += f"; {worst}, {self.wheel_slip.where()}"
+            text += (
+                f"; of single wheels that bear {100.0 * GRIPS:.0f} % of the weight {worst}, {self.wheel_slip.where()}"
+            )
         return text
 
     def __str__(self) -> str:

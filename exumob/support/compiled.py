@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import pickle
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -15,17 +16,39 @@ from exumob.support.caches import VARIABLE, is_private
 logger = logging.getLogger(__name__)
 
 _said: set[str] = set()
-_compiling = event.TimingListener()
+
+
+class _Compiling(event.Listener, threading.local):
+    """Counts for how long Numba compiles, in each thread by itself: others compute meanwhile."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.depth, self.began, self.total = 0, 0.0, 0.0
+
+    def on_start(self, event: event.Event) -> None:
+        """Begin to count, unless this is compiled within another kernel."""
+        if self.depth == 0:
+            self.began = time.perf_counter()
+        self.depth += 1
+
+    def on_end(self, event: event.Event) -> None:
+        """Count."""
+        self.depth -= 1
+        if self.depth == 0:
+            self.total += time.perf_counter() - self.began
+
+
+_compiling = _Compiling()
 event.register("numba:compile", _compiling)
 
 
 def compiling_time() -> float:
-    """Return for how long Numba has compiled in this process [s]."""
-    return float(_compiling.duration) if _compiling.done else 0.0
+    """Return for how long Numba has compiled in this thread [s]."""
+    return _compiling.total
 
 
 def computing_clock() -> float:
-    """Return the reading of a clock that stands still while Numba compiles [s]; only differences mean something."""
+    """Return the reading of a clock that stands still while Numba compiles in this thread [s]: differences count."""
     return time.perf_counter() - compiling_time()
 
 

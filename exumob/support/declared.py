@@ -52,8 +52,10 @@ class _Answering(type):
             try:
                 return _make(cls, *args, **kwargs)
             except TypeError as error:
-                unknown, missing = _unknown_fields(cls, kwargs), _missing_fields(cls, len(args), kwargs)
-                if not (unknown or missing) or isinstance(error, UnknownField | MissingField):
+                said = str(error).removeprefix(f"{cls.__init__.__qualname__}() ")
+                unknown = _unknown_fields(cls, kwargs) if said.startswith("got an unexpected keyword") else ""
+                missing = _missing_fields(cls, said) if said.startswith("missing ") else ""
+                if not (unknown or missing):
                     raise
             raise UnknownField(unknown) if unknown else MissingField(missing)
 
@@ -73,17 +75,17 @@ def _unknown_fields(owner: type, given: Mapping[str, Any]) -> str:
     return f"{owner.__name__} has no field {', no field '.join(lines)}; its fields are {', '.join(known)}."
 
 
-def _missing_fields(owner: type, number: int, given: Mapping[str, Any]) -> str:
-    """Say which fields are needed beside the first `number` and those given by name, with units; empty if none are."""
-    if not is_dataclass(owner):
+def _missing_fields(owner: type, said: str) -> str:
+    """Say which of the arguments that Python named as missing are fields, with units; empty if not all are."""
+    names = re.findall(r"'(\w+)'", said)
+    found = [field for field in declared_fields(owner) if field.name in names] if is_dataclass(owner) else []
+    if len(found) < len(names):  # arguments of an own __init__
         return ""
-    made = [field.name for field in fields(owner) if field.init]
     lines = [
         f"{field.name}{f' [{field.quantity.unit}]'.replace('[1]', '[-]') if field.quantity is not None else ''}"
-        for field in declared_fields(owner)
-        if field.name in made[number:] and field.name not in given and field.default is MISSING
+        for field in found
     ]
-    return f"{owner.__name__} lacks {', '.join(lines)}; give {'them' if len(lines) > 1 else 'it'}." if lines else ""
+    return f"{owner.__name__} lacks {', '.join(lines)}; give {'them' if len(lines) > 1 else 'it'}."
 
 
 def nearest_names(name: str, known: Sequence[str]) -> list[str]:

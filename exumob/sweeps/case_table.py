@@ -19,7 +19,7 @@ from exumob.sweeps.sampling import Case
 OWN_VARIABLES = {
     "status": ("1", "how the case ended"),
     "reason": ("1", "why it was not completed"),
-    "case_wall_time": ("s", "time of computing the case"),
+    "case_wall_time": ("s", "time of computing the case, without compiling"),
 }
 
 

@@ -110,6 +110,9 @@ class Experiment(Declared):
     """Shape of the ground"""
     start: StartPose = AT_ORIGIN
     """Where the vehicle begins, and its heading there"""
+    sized: Vehicle | None = None
+    """The vehicle whose size speed and times of a maneuver chosen by name go with (`maneuver_for`), whatever of it is
+    varied; None: the paper's"""
 
     def _check(self) -> None:
         if self.hydrodynamics not in MODELS:
@@ -133,15 +136,18 @@ class Experiment(Declared):
     def with_vehicle(self, vehicle: Vehicle) -> Experiment:
         """The experiment with another vehicle, driven by Froude's law, as deep in the water over the size of its tyres.
 
-        Wheel speed, times of the maneuver and duration go with the root of the wheelbase (`maneuver_for`). Current,
-        waypoints, a level and a field stay as they are.
+        Speed of the tyres' tread, times of the maneuver (`maneuver_for`), duration, rounded up to whole macro steps,
+        and initial speed go with the root of the wheelbase. Current, a level or a field, waypoints that are given,
+        start and forces stay as they are.
         """
         water, unit = self.water, math.sqrt(vehicle.wheelbase / self.vehicle.wheelbase)
+        step = self.macro_step or setting_named(self.setting).macro_step
         if water is not None and water.depth is not None:
             water = replace(water, depth=water.depth / self.vehicle.wheel.diameter * vehicle.wheel.diameter)
         return replace(
             self, vehicle=vehicle, water=water, maneuver=maneuver_for(self.maneuver, self.vehicle, vehicle),
-            duration=self.duration if unit == 1.0 else math.ceil(10.0 * unit * self.duration - 1e-9) / 10.0,
+            duration=round(math.ceil(unit * self.duration / step - 1e-6) * step, 9),
+            initial_speed=None if self.initial_speed is None else unit * self.initial_speed, sized=vehicle,
         )  # fmt: skip
 
     def with_networks(self, files: Sequence[str | Path], folder: Path | None = None) -> Experiment:
@@ -351,10 +357,11 @@ class Experiment(Declared):
         return replace(self, **chosen)
 
     def _driven(self, name: str) -> Maneuver:
-        """The maneuver of a name, as the vehicle drives it."""
+        """The maneuver of a name, as `sized` drives it."""
         from vehicle_models.amphibious import amphibious_vehicle
 
-        return maneuver_for(maneuver_named(name), amphibious_vehicle(), self.vehicle)
+        named = maneuver_named(name)
+        return named if self.sized is None else maneuver_for(named, amphibious_vehicle(), self.sized)
 
     def _with_member(self, value: Any) -> dict[str, Any]:
         if value is None:
@@ -540,10 +547,11 @@ def maneuver_named(name: str) -> Maneuver:
 
 
 def maneuver_for(maneuver: Maneuver, before: Vehicle, vehicle: Vehicle) -> Maneuver:
-    """Return the maneuver of one vehicle as another drives it by Froude's law, with the same motion but for its scale.
+    """Return the maneuver of one vehicle as another drives it by Froude's law.
 
-    Its times go with the root of the wheelbase, and so does the speed of the tyres' tread. Waypoints are places, and
-    stay; so does a maneuver of another kind than those of `MANEUVERS`.
+    Times of a lane change, of the ramps, and the speed of the tyres' tread go with the root of the wheelbase. Of path
+    following the default waypoints go with the wheelbase, and no angle passes what the vehicle can steer; waypoints
+    that are given are places, and stay, and so does the driver. A maneuver of a kind that is not in `MANEUVERS` stays.
 
     Parameters
     ----------
@@ -556,11 +564,17 @@ def maneuver_for(maneuver: Maneuver, before: Vehicle, vehicle: Vehicle) -> Maneu
     unit = math.sqrt(vehicle.wheelbase / before.wheelbase)
     turning = unit * (before.wheel.radius / vehicle.wheel.radius)
     factors = {"speed": turning, "start_speed": turning, "ramp_time": unit}
-    if isinstance(maneuver, LaneChange):
+    if type(maneuver) is LaneChange:
         factors |= {"start": unit, "end": unit}
-    elif not isinstance(maneuver, ConstantSteer | PathFollowing):
+    elif type(maneuver) not in (ConstantSteer, PathFollowing):
         return maneuver
-    return replace(maneuver, **{name: factor * getattr(maneuver, name) for name, factor in factors.items()})
+    changed: dict[str, Any] = {name: factor * getattr(maneuver, name) for name, factor in factors.items()}
+    if type(maneuver) is PathFollowing:
+        changed["max_steering"] = min(maneuver.max_steering, vehicle.steering.limit)
+        if maneuver.waypoints == PathFollowing().waypoints:
+            size = vehicle.wheelbase / before.wheelbase
+            changed["waypoints"] = tuple((size * x, size * y) for x, y in maneuver.waypoints)
+    return cast(Maneuver, replace(cast(Any, maneuver), **changed))
 
 
 def _leaves(thing: Any) -> list[str]:

@@ -5,7 +5,6 @@ vehicle = "my_vehicle.py"           # default: the paper's vehicle
 networks = "paper-lstm"             # or files; default: those that come with exumob, if they fit
 soil = "LETE sand"
 water.depth_ratio = 0.6
-duration = 8.0
 
 [vary]                              # a full grid
 water.current_speed = [0.0, 0.5, 1.0]

@@ -24,7 +24,7 @@ from exumob.flow.resolution import checked_solids
 from exumob.flow.vehicle_window import settings_for_vehicle, vehicle_window
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
-from exumob.support.compiled import computing_clock
+from exumob.support.compiled import compiling_time, computing_clock
 from exumob.support.cost import announce, require_memory
 from exumob.support.declared import checked
 from exumob.support.errors import SimulationError, SimulationInterrupted
@@ -193,7 +193,7 @@ class _Run:
     store: CaptiveCheckpoint | None = None
 
     def __post_init__(self) -> None:
-        self.began = computing_clock()
+        self.began, self.compiled = computing_clock(), compiling_time()
         self.solver.start(self.motion.poses(self.vehicle, self.water, 0.0))
         self.done = 0
         if self.store is not None and self.store.found:
@@ -237,6 +237,7 @@ class _Run:
                 "parameters": parameters_json(self.parameters),
                 "smoothing_window": window_samples(self.interval) * self.interval,
                 "wall_time": earlier + computing_clock() - self.began,
+                "compiling_wall_time": compiling_time() - self.compiled,
                 "trust": f"flow solver: {flow_load_error()}",
             }
         )  # fmt: skip

@@ -128,8 +128,7 @@ def _maker(module: ModuleType, path: Path) -> Any:
         names = f": {', '.join(sorted(maker.__name__ for maker in makers.values()))}" if makers else ""
         remedy = "Begin the names of others with an underscore."
         if not makers:
-            imported = [n for n, value in vars(module).items() if inspect.isfunction(value) and not n.startswith("_")]
-            remedy = "" if not imported else f"Imported ones ({', '.join(imported)}) do not count: call them in it."
+            remedy = _instead_of_a_maker(module)
         raise _FileError(
             f"vehicle file {path} defines {len(makers)} public functions{names}; it must define exactly one, which "
             f"returns the vehicle. {remedy}".rstrip()
@@ -142,6 +141,22 @@ def _maker(module: ModuleType, path: Path) -> Any:
     if needed:
         raise _FileError(f"{path}: {maker.__name__} takes arguments ({', '.join(needed)}); it must need none.")
     return maker
+
+
+def _instead_of_a_maker(module: ModuleType) -> str:
+    """Say what of a file without a public function may have been meant for one."""
+    public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
+    for name, value in public.items():
+        if isinstance(value, Vehicle):
+            return f"{name} is a Vehicle: let a function return it."
+    several = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    makers = [
+        name
+        for name, value in public.items()
+        if inspect.isfunction(value)
+        and all(p.default is not p.empty or p.kind in several for p in inspect.signature(value).parameters.values())
+    ]
+    return f"Imported ones ({', '.join(makers)}) do not count: call them in it." if makers else ""
 
 
 @contextmanager
@@ -186,7 +201,7 @@ def _errors_named(path: Path) -> Iterator[None]:
         text = " ".join(str(error).split())[:2000]
         says_all = type(error) in (ValueError, ImplausibleValue, UnknownField, MissingField)
         kind = "" if says_all and text else f"{type(error).__name__}{': ' if text else ''}"
-        hint = "`exumob parameters` lists the fields." if isinstance(error, TypeError) else "mend it."
-        end = "" if text.endswith(".") and not isinstance(error, TypeError) else f"; {hint}"
+        hint = "`exumob parameters` lists the fields." if isinstance(error, MissingField) else "mend it."
+        end = "" if text.endswith(".") and not isinstance(error, MissingField) else f"; {hint}"
         refusal = ImplausibleValue if isinstance(error, ImplausibleValue) else ValueError
         raise refusal(f"vehicle file {path}{where}: {kind}{text.removesuffix('.') if end else text}{end}") from error

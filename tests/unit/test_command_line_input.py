@@ -10,12 +10,15 @@ from typer.testing import CliRunner
 
 from exumob.__main__ import app
 from exumob.commands.options import COMMON_ANGLES, option_names, radians, taken_for_radians, with_option_names
-from exumob.commands.report import _aspects
-from exumob.commands.shared import check_targets
+from exumob.commands.report import _compiling
+from exumob.commands.shared import aspects, check_targets
 from exumob.ground.soil import Soil
+from exumob.simulation.settings import time_scale
 from exumob.support.declared import declared_fields
 from exumob.support.quantities import Quantity
+from exumob.sweeps.run import Progress
 from exumob.vehicle.parameters import Hull, Suspension, Vehicle, Wheel
+from exumob.vehicle.vehicle_file import load_vehicle
 
 SHORT = ["--duration", "0.2", "--micro-step", "5e-4", "--macro-step", "20e-3"]
 OPTIONS = {
@@ -459,7 +462,7 @@ def test_a_section_that_is_not_there_is_named_by_its_file():
     ("coefficients, not validated: none. Elsewhere 16 %. Soil: given; 13 to 16 % off. Under water it is saturated.", 4),
 ])  # fmt: skip
 def test_the_line_of_trust_has_one_aspect_a_line_and_all_its_words(text, lines):
-    shown = _aspects(text, 13)
+    shown = aspects(text, 13)
     assert shown.count("\n") + 1 == lines and " ".join(shown.split()) == text
 
 
@@ -496,3 +499,40 @@ def test_angles_that_are_given_in_radians_are_noticed(capsys):
     assert "--steering 0.5236 was understood in degrees; in radians it would be 30 deg" in capsys.readouterr().err
     radians("--steering", 30.0, quantity)
     assert capsys.readouterr().err == ""
+
+
+# -- another vehicle ---------------------------------------------------------------------------------------------------
+
+
+def test_maps_and_sweeps_say_how_another_vehicle_is_driven(tmp_path, monkeypatch):
+    """By Froude's law, and over a window that goes with its size; said once all is checked."""
+    asked = []
+
+    def map_of(wanted, folder, workers, progress):
+        asked.append(wanted)
+        progress("level 0", Progress(0, 4, math.nan))
+        raise ValueError("as far as this")
+
+    def sweep_of(experiment, cases, folder, progress, **options):
+        asked.append(experiment)
+        progress(Progress(0, 2, math.nan))
+        raise ValueError("as far as this")
+
+    monkeypatch.setattr("exumob.mobility.map.compute_map", map_of)
+    monkeypatch.setattr("exumob.sweeps.run.sweep", sweep_of)
+    unit = time_scale(load_vehicle("small_car"))
+    said = plain(call("map", "--vehicle", "small_car", "--hydrodynamics", "calibrated", "--output", tmp_path).output)
+    limits, experiment = asked[0].crossing.limits, asked[0].crossing.experiment
+    assert limits.window == pytest.approx(1.5 * unit) and experiment.duration == pytest.approx(4.0 * unit, abs=0.02)
+    assert (
+        f"small car, {experiment.duration:g} s; tyres at 1.86 m/s (6.16 rad/s) at the end, judged over the last 2.8 s"
+        in said
+    )
+    call("map", "--output", tmp_path)
+    assert asked[1].crossing.limits.window == 1.5 and asked[1].crossing.experiment.duration == 4.0
+    said = plain(call("sweep", "--vehicle", "small_car", "--vary", "hull.mass=900,1000", "--output", tmp_path).output)
+    assert f"driven, unless varied: small car, {asked[2].duration:g} s; tyres at 1.86 m/s" in said
+
+
+def test_time_of_compiling_is_said_where_it_is_felt():
+    assert _compiling(0.3) == "" and _compiling(57.2) == "; 57 s to compile kernels, which are kept"

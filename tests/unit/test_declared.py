@@ -274,3 +274,15 @@ def test_a_field_that_is_needed_is_asked_for_by_name_and_unit():
         Wheel(radious=0.3)
     with pytest.raises(TypeError, match="takes"):  # too many are no missing ones
         Wheel(*range(40))
+    with pytest.raises(TypeError, match="multiple values for argument 'mass'"):
+        Wheel(0.3, mass=3.0)
+
+    class Clay(Soil):
+        def __init__(self, hardness):
+            len(hardness)
+
+    with pytest.raises(TypeError, match="missing 1 required positional argument: 'hardness'"):
+        Clay()
+    for error in (lambda: Clay(3), lambda: Clay(hardness=3)):
+        with pytest.raises(TypeError, match="has no len"):
+            error()

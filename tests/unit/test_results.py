@@ -70,7 +70,7 @@ def test_provenance(short_run):
     assert attrs["status"] == "completed"
     assert "random_seed" in attrs
     assert float(attrs["wall_time"]) > 0.0
-    assert float(attrs["compiling_wall_time"]) >= 0.0  # of both, none
+    assert float(attrs["compiling_wall_time"]) >= 0.0
 
 
 def test_parameters_are_json_that_parses(short_run):

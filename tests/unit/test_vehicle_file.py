@@ -57,10 +57,13 @@ def test_vehicles_that_come_with_it_have_names():
         ("def car(a, *b, c=1):\n    return a\n", r"car takes arguments \(a\); it must need none"),
         ("from exumob import Vehicle\ndef car():\n    return Vehicle\n", r"returned the class Vehicle itself"),
         (HEADER + "def car():\n    return [_base()]\n", r"returned list"),
-        ("from exumob import Hull\ndef car():\n    return Hull(mas=3)\n", "line 3: Hull has no.*mean mass.*exumob p"),
+        ("from exumob import Hull\ndef car():\n    return Hull(mas=3)\n", "line 3: Hull has no.*mean mass"),
         ("from exumob import Hull\ndef car():\n    return Hull(3.0, height=1.0)\n",
          r"line 3: Hull lacks length \[m\], width \[m\], ground_clearance \[m\], center_of_mass_h.*exumob p"),
         ("from math import pi\nfrom vehicle_models.small_car import small_car\n", r"Imported ones \(small_car\) do"),
+        ("from dataclasses import replace\nVEHICLE = 3\n", r"which returns the vehicle\.$"),
+        (HEADER + "car = _base()\n", r"car is a Vehicle: let a function return it"),
+        ("def car():\n    return len(3)\n", r"line 2: TypeError: .*has no len\(\); mend it"),
     ],
 )  # fmt: skip
 def test_whatever_breaks_is_said_with_file_line_and_kind(tmp_path, text, message):
