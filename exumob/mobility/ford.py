@@ -244,10 +244,7 @@ FIGURES: dict[str, tuple[str, str]] = {
     "depth": ("m", "greatest depth of the undisturbed water below the hull's origin"),
     "wheel_load": ("1", "least share of the weight on the wheels"),
     "slip": ("1", "largest slip ratio, mean of the wheels in contact, once they are at speed"),
-    "wheel_slip": (
-        "1",
-        f"largest slip ratio of one wheel at speed that bears {100.0 * GRIPS:.0f} % of the weight",
-    ),
+    "wheel_slip": ("1", f"largest slip ratio of one wheel at speed that bears {100.0 * GRIPS:.0f} % of the weight"),
     "freeboard": ("m", "least height of the hull's upper edge above the still water"),
     "clearance": ("m", "least height of the hull above the soil"),
     "hull_load": ("1", "largest share of the weight on the hull"),

@@ -18,7 +18,7 @@ import xarray as xr
 
 from exumob.coupling.explicit import Explicit
 from exumob.driving.maneuver import ConstantSteer, LaneChange, Maneuver, lane_change
-from exumob.driving.path_following import PathFollowing
+from exumob.driving.named import maneuver_for, maneuver_named
 from exumob.ground.soil import Soil
 from exumob.ground.terrain import Terrain
 from exumob.simulation.checks import check_steps
@@ -44,10 +44,6 @@ from exumob.water.hydrodynamics import Hydrodynamics
 from exumob.water.wave_loads import fitted_coefficients
 
 T = TypeVar("T")
-MANEUVERS: dict[str, Maneuver] = {
-    "lane change": LaneChange(), "straight": ConstantSteer(), "path following": PathFollowing(),
-}  # fmt: skip
-"""Values of ``maneuver``, with the maneuver that each name stands for."""
 COMPARED = 20
 """Number of different values of a name that a sweep's line of trust looks at, unless they are numbers."""
 LEVEL_GROUND = Terrain()
@@ -68,9 +64,9 @@ class Experiment(Declared):
 
     The names are those of `Vehicle` and its parts (``hull.mass``, ``wheelbase``), ``soil`` (a published name) and
     ``soil.<field>``, ``water.<field>`` and ``water.depth_ratio`` (over the tyre's diameter; 0: no water), ``maneuver``
-    (one of `MANEUVERS`) and ``maneuver.<field>``, ``hydrodynamics`` (one of `MODELS`; sweeps, maps and
-    tuning choose one for all cases where it is ``"auto"``), ``hydrodynamics.member`` (one
-    network of the ensemble, by number), ``hydrodynamics.<field>`` of the coefficients, ``forces`` and
+    (one of `exumob.driving.named.MANEUVERS`) and ``maneuver.<field>``, ``hydrodynamics`` (one of `MODELS`; sweeps, maps
+    and tuning choose one for all cases where it is ``"auto"``), ``hydrodynamics.member`` (one network of the ensemble,
+    by number), ``hydrodynamics.<field>`` of the coefficients, ``forces`` and
     ``forces.<number>.<field>`` (and ``forces.0.force.<field>`` where the function is a dataclass with ``__call__``),
     and ``duration``, ``setting``, ``micro_step``, ``macro_step``, ``record_step``, ``initial_speed``.
     """
@@ -531,50 +527,6 @@ def amphibious_lane_change() -> Experiment:
 def amphibious_crossing() -> Experiment:
     """Experiment for mobility maps: the paper's vehicle straight ahead for 5 s in D60/U1 on LETE sand."""
     return replace(amphibious_lane_change(), maneuver=ConstantSteer(), duration=5.0)
-
-
-def maneuver_named(name: str) -> Maneuver:
-    """Maneuver of the paper's vehicle that a name stands for, one of `MANEUVERS`.
-
-    Raises
-    ------
-    ValueError
-        If none has this name.
-    """
-    if name not in MANEUVERS:
-        raise ValueError(f"maneuver = {name!r} is not known; use {', '.join(map(repr, MANEUVERS))}.")
-    return MANEUVERS[name]
-
-
-def maneuver_for(maneuver: Maneuver, before: Vehicle, vehicle: Vehicle) -> Maneuver:
-    """Return the maneuver of one vehicle as another drives it by Froude's law.
-
-    Times of a lane change, of the ramps, and the speed of the tyres' tread go with the root of the wheelbase. Of path
-    following the default waypoints go with the wheelbase, and no angle passes what the vehicle can steer; waypoints
-    that are given are places, and stay, and so does the driver. A maneuver of a kind that is not in `MANEUVERS` stays.
-
-    Parameters
-    ----------
-    maneuver : Maneuver
-    before : Vehicle
-        The vehicle that the maneuver was for.
-    vehicle : Vehicle
-        The vehicle that is to drive it.
-    """
-    unit = math.sqrt(vehicle.wheelbase / before.wheelbase)
-    turning = unit * (before.wheel.radius / vehicle.wheel.radius)
-    factors = {"speed": turning, "start_speed": turning, "ramp_time": unit}
-    if type(maneuver) is LaneChange:
-        factors |= {"start": unit, "end": unit}
-    elif type(maneuver) not in (ConstantSteer, PathFollowing):
-        return maneuver
-    changed: dict[str, Any] = {name: factor * getattr(maneuver, name) for name, factor in factors.items()}
-    if type(maneuver) is PathFollowing:
-        changed["max_steering"] = min(maneuver.max_steering, vehicle.steering.limit)
-        if maneuver.waypoints == PathFollowing().waypoints:
-            size = vehicle.wheelbase / before.wheelbase
-            changed["waypoints"] = tuple((size * x, size * y) for x, y in maneuver.waypoints)
-    return cast(Maneuver, replace(cast(Any, maneuver), **changed))
 
 
 def _leaves(thing: Any) -> list[str]:

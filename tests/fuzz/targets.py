@@ -348,6 +348,7 @@ def function_targets() -> list[Target]:
     """Every public function that takes input, up to where it begins to compute for long."""
     from exumob.coupling.flow_code import BuiltInFlow
     from exumob.coupling.flow_in_loop import CfdHydrodynamics
+    from exumob.driving.named import maneuver_named
     from exumob.driving.path_following import lane_shift
     from exumob.flow.grid import Grid
     from exumob.flow.vehicle_window import vehicle_window
@@ -361,7 +362,6 @@ def function_targets() -> list[Target]:
     from exumob.simulation.water_models import hydrodynamics_named
     from exumob.surrogates.ensemble import load_members, save_ensemble
     from exumob.surrogates.model import SurrogateHydrodynamics
-    from exumob.sweeps.experiment import maneuver_named
     from exumob.sweeps.run import sweep
     from exumob.sweeps.sampling import Normal, grid, sample
     from exumob.sweeps.study import from_options, parse_variation

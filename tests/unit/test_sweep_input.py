@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from exumob.driving.maneuver import ConstantSteer, Recorded
+from exumob.driving.named import MANEUVERS
 from exumob.driving.path_following import PathFollowing
 from exumob.flow.output.vtk import VtkSeries
 from exumob.simulation.settings import usual_speed
 from exumob.support.files import require_folder_name
 from exumob.sweeps import sweep, tune
 from exumob.sweeps.case_rows import fault_of_result
-from exumob.sweeps.experiment import MANEUVERS, amphibious_lane_change
+from exumob.sweeps.experiment import amphibious_lane_change
 from exumob.sweeps.run import _check_cases
 from exumob.sweeps.study import from_options
 from exumob.vehicle.vehicle_file import load_vehicle
