@@ -378,9 +378,9 @@ class FordReport:
             f"on, when they are at speed), {self.slip.where()}"
         )
         if self.wheel_slip.value > max(self.slip.value, 0.0) + 0.005:
-            worst = f"{100.0 * self.wheel_slip.value:.0f} % at the {self.slipping_wheel.replace('_', ' ')} wheel"
             text += (
-                f"; of single wheels that bear {100.0 * GRIPS:.0f} % of the weight {worst}, {self.wheel_slip.where()}"
+                f"; {100.0 * self.wheel_slip.value:.0f} % at the {self.slipping_wheel.replace('_', ' ')} wheel alone (of "
+                f"those that bear {100.0 * GRIPS:.0f} % of the weight), {self.wheel_slip.where()}"
             )
         return text
 

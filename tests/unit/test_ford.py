@@ -75,13 +75,13 @@ def test_the_wheel_that_slips_most_is_named_if_it_has_a_bite():
     assert report.wheel_slip.time == pytest.approx(2.0) and report.figures()["wheel_slip"] == report.wheel_slip.value
     said = report.lines()["slip"]
     assert said.startswith("56 % at most (mean of the wheels in contact, from 1 s on, when they are at speed)")
-    assert "; of single wheels that bear 5 % of the weight 62 % at the rear right wheel, at station" in said
+    assert "; 62 % at the rear right wheel alone (of those that bear 5 % of the weight), at station" in said
     run["slip_ratio"] = run["slip_ratio"] * 0.0 - 0.25
     run["slip_ratio"].loc[{"wheel": "rear_left"}] = 0.7
     said = ford_report(run, ford()).lines()["slip"]
     assert said.startswith("none: ") and "70 % at the rear left wheel" in said
     run["slip_ratio"] = run["slip_ratio"] * 0.0 + 0.2
-    assert "single" not in ford_report(run, ford()).lines()["slip"]
+    assert "alone" not in ford_report(run, ford()).lines()["slip"]
     run["soil_force"] = run["soil_force"] * 0.0
     assert ford_report(run, ford()).slipping_wheel == ""
 
