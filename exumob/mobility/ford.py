@@ -379,8 +379,8 @@ class FordReport:
         )
         if self.wheel_slip.value > max(self.slip.value, 0.0) + 0.005:
             text += (
-                f"; {100.0 * self.wheel_slip.value:.0f} % at the {self.slipping_wheel.replace('_', ' ')} wheel alone (of "
-                f"those that bear {100.0 * GRIPS:.0f} % of the weight), {self.wheel_slip.where()}"
+                f"; {100.0 * self.wheel_slip.value:.0f} % at the {self.slipping_wheel.replace('_', ' ')} wheel alone "
+                f"(of those that bear {100.0 * GRIPS:.0f} % of the weight), {self.wheel_slip.where()}"
             )
         return text
 
