@@ -1,7 +1,7 @@
 """Examples to learn from: inputs and loads of the five bodies along the runs, split by run, with their scalers.
 
 What the paper leaves open: inputs and loads are scaled to zero mean and unit deviation over the training examples, and
-every seed keeps another run for validation, out of those inside the range of the others (`validation_run`).
+every seed keeps other runs for validation, a tenth of those there are (`validation_runs`).
 """
 
 from __future__ import annotations
@@ -92,15 +92,19 @@ def training_runs(folder: str | Path | Sequence[str | Path]) -> dict[str, xr.Dat
     return runs
 
 
-def validation_run(runs: Mapping[str, xr.Dataset], seed: int) -> str:
-    """Name of the run that a seed keeps for validation: its depth and current lie within those of the others."""
+def validation_runs(runs: Mapping[str, xr.Dataset], seed: int) -> list[str]:
+    """Names of the runs that a seed keeps for validation, a tenth of all, but one at least.
+
+    Their depth and current lie within those of the others.
+    """
     names = sorted(runs)
     points = np.array([[1.0, (w := water_of(runs[name])).uniform_depth, w.current_speed] for name in names])
     scaled = points / np.maximum(np.abs(points).max(axis=0), 1e-12)
     inside = [
         name for n, name in enumerate(names) if nnls(np.delete(scaled, n, axis=0).T, scaled[n])[1] < 1e-6
     ] or names  # fmt: skip
-    return inside[seed % len(inside)]
+    number = min(max(len(names) // 10, 1), len(inside))
+    return [inside[(seed + n * len(inside) // number) % len(inside)] for n in range(number)]
 
 
 def build_examples(

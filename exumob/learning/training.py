@@ -1,6 +1,6 @@
 """Training of whole ensembles: every body with every preset and seed, side by side, resumable.
 
-Every seed keeps another run for validation (`exumob.learning.examples.validation_run`). The networks of five seeds thus
+Every seed keeps other runs for validation (`exumob.learning.examples.validation_runs`). The networks of five seeds thus
 differ in their start and in their data, and their spread is that of a cross-validation.
 """
 
@@ -23,7 +23,7 @@ import xarray as xr
 from exumob.learning.calibration import fit_wave_coefficients
 from exumob.learning.cost import announce_training
 from exumob.learning.dataset import check_geometry, check_run, water_of
-from exumob.learning.examples import Examples, build_examples, validation_run
+from exumob.learning.examples import Examples, build_examples, validation_runs
 from exumob.learning.fitting import fit_body
 from exumob.learning.presets import Preset
 from exumob.support.declared import checked
@@ -145,13 +145,13 @@ def train(
         for preset in presets:
             names, bodies = build_examples(runs, vehicle, preset, waves)
             for seed in seeds:
-                validation = names.index(validation_run(runs, seed))
-                learn = [r for r in range(len(bodies[0].inputs)) if r % len(names) != validation]
+                validation = [names.index(name) for name in validation_runs(runs, seed)]
+                learn = [r for r in range(len(bodies[0].inputs)) if r % len(names) not in validation]
                 for b, body in enumerate(BODIES):
                     part = _part(parts, preset, seed, body, data, waves)
                     if not part.exists():
                         task = _Task(preset, seed, b)
-                        future = pool.submit(_fit_and_keep, task, bodies[b], learn, [validation], part)
+                        future = pool.submit(_fit_and_keep, task, bodies[b], learn, validation, part)
                         pending[future] = task
                 files[preset.name, seed] = output / f"{preset.name}_seed{seed}.safetensors"
         _wait(pending, queue, progress)
@@ -161,7 +161,7 @@ def train(
             arrays = {name: _stacked([f[name] for f in found]) for name in found[0]}
             about = {
                 "preset": preset.name, "training": asdict(preset) | {"architecture": None}, "seed": seed,
-                "runs": sorted(runs), "held_back": validation_run(runs, seed), "data_hash": data,
+                "runs": sorted(runs), "held_back": ", ".join(validation_runs(runs, seed)), "data_hash": data,
                 "geometry": geometry(vehicle), "provenance": provenance() | {"torch_version": torch.__version__},
             }  # fmt: skip
             if waves is not None and preset.architecture.base == "coefficients":

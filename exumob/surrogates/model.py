@@ -1,7 +1,7 @@
 """LSTM-MBD: trained networks as a hydrodynamics model (paper Secs. 3 and 5), with error bars and known limits.
 
 The wrenches on the vehicle are the mean of an ensemble's members. Their spread, with what all members lack on runs kept
-apart (`exumob.surrogates.ensemble.load_floor`), is the error bar. Networks do not extrapolate: outside the range of the
+apart (`exumob.surrogates.error_floor`), is the error bar. Networks do not extrapolate: outside the range of the
 training runs their wrenches are blended into those of the calibrated coefficients (`exumob.water.calibrated`), and the
 result records where and how far. In macro steps of more than 2 ms the networks' part moves half way to each new answer
 (`RELAXED_STEP`).
@@ -25,7 +25,8 @@ from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
 from exumob.support.kernels import njit
-from exumob.surrogates.ensemble import bars_of, load_floor, load_members
+from exumob.surrogates.ensemble import bars_of, load_members
+from exumob.surrogates.error_floor import LANE_CHANGE_INPUTS, error_floor
 from exumob.surrogates.inputs import SAMPLING, bed_below, network_inputs, size_factors, window_rows
 from exumob.surrogates.memory import InputMemory
 from exumob.surrogates.network_kernels import mean_and_spread
@@ -105,7 +106,7 @@ class SurrogateHydrodynamics:
         """The chosen settings, as kept in results."""
         self._groups = [(NetworkSet.stacked(group), len(group)) for group in groups.values()]
         self._water: Water | None = None
-        self._floor = load_floor(self.networks)
+        self._floor = error_floor(self.networks)
         self._bed = Terrain()
         self._size = 1.0
         self._last_learnt: Array | None = None
@@ -122,6 +123,8 @@ class SurrogateHydrodynamics:
         self._spread: list[Array] = []
         self._excess: list[Array] = []
         self._fallback: list[Array] = []
+        self._usual: list[bool] = []
+        """Whether the floor of the error bars is the usual one"""
         self._relaxed, self._last_learnt = macro_step > RELAXED_STEP, None
         if water is None:
             return
@@ -189,7 +192,14 @@ class SurrogateHydrodynamics:
         self._spread.append(spread)
         self._excess.append(excess)
         self._fallback.append(share)
+        self._usual.append(self._floor is None or self._floor.is_usual(self._lane_change_inputs(history)))
         return wrenches
+
+    def _lane_change_inputs(self, history: BodyStates) -> Array:
+        """`LANE_CHANGE_INPUTS` of the hull now, as of the vehicle in training."""
+        now = np.array([len(history) - 1])
+        inputs = network_inputs(history, self._around, LANE_CHANGE_INPUTS, now)[0, 0]
+        return np.asarray(inputs * size_factors(LANE_CHANGE_INPUTS, self._size))
 
     def _answers(self, history: BodyStates, water: Water, base: Array | None) -> tuple[Array, Array]:
         """Ask all members.
@@ -238,6 +248,7 @@ class SurrogateHydrodynamics:
             saved["spread"] = np.array(self._spread).reshape(-1, 5, 6)
             saved["excess"] = np.array(self._excess).reshape(-1, 5, 2)
             saved["fallback"] = np.array(self._fallback).reshape(-1, 5)
+            saved["usual"] = np.array(self._usual, bool)
         return saved
 
     def restore(self, saved: dict[str, Any]) -> None:
@@ -250,8 +261,8 @@ class SurrogateHydrodynamics:
         if "times" in saved:
             self._times = [float(t) for t in saved["times"]]
             self._spread, self._excess = list(saved["spread"]), list(saved["excess"])
-            self._fallback = list(saved["fallback"])
-        for series in (self._times, self._spread, self._excess, self._fallback):
+            self._fallback, self._usual = list(saved["fallback"]), [bool(one) for one in saved["usual"]]
+        for series in (self._times, self._spread, self._excess, self._fallback, self._usual):
             del series[saved["count"] :]
 
     def record(self) -> dict[str, xr.DataArray]:
@@ -290,7 +301,7 @@ class SurrogateHydrodynamics:
         """Return the standard deviation of the loads' error, where it was measured."""
         if self._floor is None or self._water is None:
             return {}
-        floor = self._water.density / TRAINED_DENSITY * self._load_factors * self._floor
+        floor = self._water.density / TRAINED_DENSITY * self._load_factors * self._floor.along(self._usual)
         bars = bars_of(np.array(self._spread), floor)
         outside = np.array(self._excess).max(axis=-1) > OUTSIDE
         bars[outside | (np.array(self._fallback) > 0.0)] = np.nan
@@ -306,7 +317,7 @@ class SurrogateHydrodynamics:
 
 
 def shipped_networks() -> list[Path]:
-    """Return the files of the shipped networks: for the amphibious vehicle, 40 to 60 % depth, 0 to 1 m/s ahead."""
+    """Return the files of the shipped networks: for the amphibious vehicle, 20 to 90 % depth, up to 1.5 m/s."""
     return sorted(WEIGHTS.glob("*.safetensors"))
 
 

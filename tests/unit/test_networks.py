@@ -24,7 +24,8 @@ from exumob.water.conditions import Water
 from exumob.water.wave_loads import fitted_coefficients
 
 torch = pytest.importorskip("torch")
-from exumob.learning.examples import training_runs, validation_run
+from exumob.learning.examples import Examples, training_runs, validation_runs
+from exumob.learning.fitting import HEAVIEST, run_weights
 from exumob.learning.onnx_export import export_onnx
 from exumob.learning.torch_networks import LoadNetwork
 
@@ -283,8 +284,30 @@ def test_jumps_are_left_out(runs):
     assert np.flatnonzero(~usable(run)).tolist() == list(range(180, 221))
 
 
-def test_validation_run_lies_inside(runs):
-    assert {validation_run(runs, seed) for seed in range(4)} == {"D50/U0.5"}
+def test_validation_runs_lie_inside(runs):
+    assert {*map(tuple, (validation_runs(runs, seed) for seed in range(4)))} == {("D50/U0.5",)}
+
+
+def test_of_many_runs_each_seed_keeps_a_tenth(runs):
+    """Different ones, spread over the names; of the paper's nine runs it is one."""
+    many = {f"{n:02d}": runs["D50/U0.5"] for n in range(30)}
+    kept = [validation_runs(many, seed) for seed in range(5)]
+    assert all(len(set(names)) == 3 for names in kept) and len({name for names in kept for name in names}) == 15
+    assert len(validation_runs({name: many[name] for name in list(many)[:9]}, 0)) == 1
+    assert len(validation_runs(runs, 1)) == 1
+
+
+def test_calm_runs_weigh_more_but_not_without_limit():
+    """The weight of a run is the inverse variance of its loads, over that of the median run."""
+    noise = np.random.default_rng(0).standard_normal((4000, 6))
+    loads = [(scale * noise).astype(np.float32) for scale in (1.0, 3.0, 0.1, 0.0)]
+    found = Examples([np.zeros((4000, 1), np.float32)] * 4, loads, [np.ones(4000, bool)] * 4, ())
+    weights = run_weights(found, [0, 1, 2], [3])
+    assert weights[0] == pytest.approx(np.ones(6)) and weights[1] == pytest.approx(np.full(6, 1.0 / 9.0), rel=1e-3)
+    assert weights[2] == pytest.approx(np.full(6, HEAVIEST)) and weights[3] == pytest.approx(np.full(6, HEAVIEST))
+    with_jump = replace(found, usable=[np.arange(4000) < 2000, *found.usable[1:]])
+    with_jump.loads[0][2000:] = 1e6
+    assert run_weights(with_jump, [0, 1, 2], [])[0] == pytest.approx(np.ones(6), rel=0.1)
 
 
 def test_evaluation_runs_are_never_learnt_from(runs, tmp_path):

@@ -28,7 +28,6 @@ from exumob.simulation.trust.measured_runs import (
 from exumob.simulation.trust.soil_line import is_published_as
 from exumob.support.measured import measured_errors
 from exumob.support.wording import number, rounded_span, span
-from exumob.surrogates.ensemble import card_of
 from exumob.surrogates.model import SLOPE_RANGE, SurrogateHydrodynamics
 from exumob.surrogates.networks import TRAINED_DENSITY
 from exumob.surrogates.vehicle_shape import CLOSE, flat, plain_parameters, same_value
@@ -67,11 +66,14 @@ class Departure:
 
 
 def departures_of(
-    run: RunDescription, out_of_range: float | None, fallback: float | None, met: WaterMet | None
+    run: RunDescription, out_of_range: float | None, met: WaterMet | None, card: Mapping[str, Any] | None = None
 ) -> Iterator[Departure]:
-    """Find in what a run lies beyond those that were measured with its model and vehicle."""
+    """Find in what a run lies beyond those that were measured with its model and vehicle.
+
+    With a card of networks, these are the drives of the card; without, those of the table.
+    """
     table, model = measured_errors(), run.hydrodynamics
-    if isinstance(model, SurrogateHydrodynamics) and (card := card_of(model.networks, some=True)) is not None:
+    if card is not None:
         yield from _card_departures(run, card, out_of_range, met)
         return
     in_loop = isinstance(model, CfdHydrodynamics)
@@ -126,14 +128,16 @@ def dry_departures(run: RunDescription, table: Mapping[str, Any]) -> Iterator[De
     yield from _step_departures(run.steps.micro_step, math.nan, table)
 
 
-def departures_by_froude(run: RunDescription, met: WaterMet | None) -> Iterator[Departure]:
+def departures_by_froude(
+    run: RunDescription, met: WaterMet | None, card: Mapping[str, Any] | None = None
+) -> Iterator[Departure]:
     """Find in what the water of another vehicle lies beyond that of the measured runs, by Froude's law."""
     table, scale = measured_errors(), time_scale(run.vehicle)
-    ends = {
-        name: [factor * end(row[name] for row in table["runs"]) for end in (min, max)]
-        for name, factor in (("depth_ratio", 1.0), ("current_speed", scale))
-    }
-    yield from _water_departures(run, ends, table["density"], met)
+    ends, sides = {}, "ahead" if card is None else str(card["directions"])
+    for name, factor in (("depth_ratio", 1.0), ("current_speed", scale)):
+        known = card[name] if card is not None else [row[name] for row in table["runs"]]
+        ends[name] = [factor * end(known) for end in (min, max)]
+    yield from _water_departures(run, ends, table["density"], met, sides)
     lowest = min(run.maneuver.wheel_speed(time)[0] for time in np.linspace(0.0, run.steps.duration, 50))
     if lowest < 0.0:
         yield Departure("reversing", (f"at {-lowest:.3g} rad/s",), "forwards")

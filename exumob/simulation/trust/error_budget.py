@@ -16,7 +16,6 @@ import numpy as np
 from exumob.simulation.trust.measured_runs import digests_of, measured_vehicle, shipped_name
 from exumob.support.measured import flow_load_error, measured_errors
 from exumob.support.wording import percent
-from exumob.surrogates.ensemble import card_of
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.water.hydrodynamics import Hydrodynamics
 
@@ -24,7 +23,9 @@ Part = tuple[str, str]
 """What a part of the error is of, and how large it is."""
 
 
-def error_parts(model: Hydrodynamics, mean: float, worst: float, straight: bool = False) -> tuple[Part, ...]:
+def error_parts(
+    model: Hydrodynamics, mean: float, worst: float, straight: bool = False, card: Mapping[str, Any] | None = None
+) -> tuple[Part, ...]:
     """Return the parts of the error of a run whose vehicle was compared with the flow in the loop.
 
     Parameters
@@ -34,9 +35,10 @@ def error_parts(model: Hydrodynamics, mean: float, worst: float, straight: bool 
         What it is off beside the flow in the loop where that was measured [-], straight ahead [m/s].
     straight : bool
         Whether the run goes straight ahead, so that speeds were compared.
+    card : mapping, optional
+        The card of networks on which it was measured.
     """
     networks = isinstance(model, SurrogateHydrodynamics)
-    card = card_of(model.networks, some=True) if isinstance(model, SurrogateHydrodynamics) else None
     off = f"{mean:.2g} m/s; at worst {worst:.2g} m/s" if straight else f"{percent(mean)}; at worst {percent(worst)}"
     parts = [("speed beside the flow" if straight else "model beside the flow", off)]
     if networks:

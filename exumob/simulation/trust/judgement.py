@@ -29,6 +29,7 @@ from exumob.simulation.trust.departures import (
 )
 from exumob.simulation.trust.error_budget import Part, error_parts, flow_parts
 from exumob.simulation.trust.measured_runs import (
+    cards_of,
     elsewhere_off,
     fitted_off,
     is_measured_vehicle,
@@ -43,7 +44,6 @@ from exumob.simulation.trust.measured_runs import (
 from exumob.simulation.trust.soil_line import soil_line
 from exumob.support.measured import flow_load_error, measured_errors
 from exumob.support.wording import percent
-from exumob.surrogates.ensemble import card_of
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.vehicle_shape import times_as_large
 from exumob.vehicle.parameters import Vehicle
@@ -152,6 +152,15 @@ _Case = tuple[RunDescription, float | None, float | None, WaterMet | None]
 
 
 def _together(cases: Sequence[_Case]) -> Trust:
+    """Judge by the measured runs from which these differ least."""
+    model = cases[0][0].hydrodynamics
+    cards = cards_of(model) if isinstance(model, SurrogateHydrodynamics) else [None]
+    found = [_judged(cases, card) for card in cards]
+    return min(found, key=lambda trust: len(trust.departures))  # the first of those that are alike
+
+
+def _judged(cases: Sequence[_Case], card: Mapping[str, Any] | None) -> Trust:
+    """Judge by the drives of a card of networks, or by the runs of the table."""
     first = cases[0][0]
     water = next((run.water for run, *_ in cases if run.water is not None), None)
     soil = soil_line([run for run, *_ in cases])
@@ -163,26 +172,22 @@ def _together(cases: Sequence[_Case]) -> Trust:
     if isinstance(model, CfdHydrodynamics):
         trust = _flow(first, soil)
     elif isinstance(model, SurrogateHydrodynamics | CoefficientHydrodynamics):
-        trust = _cheap(first, soil, water)
+        trust = _cheap(first, soil, water, card)
     else:
         advice = "a model of your own, which exumob has compared with nothing."
         return Trust(type(model).__name__, "not validated", "", soil, advice=advice)
     if trust.status == "not validated":
-        scaled = (
-            isinstance(model, SurrogateHydrodynamics)
-            and shipped_name(model) is not None
-            and card_of(model.networks, some=True) is None
-        )
+        scaled = isinstance(model, SurrogateHydrodynamics) and shipped_name(model) is not None
         if not isinstance(model, CoefficientHydrodynamics) and not scaled:
             return trust
-        beyond = [d for run, _, _, met in cases for d in departures_by_froude(run, met)]
+        beyond = [d for run, _, _, met in cases for d in departures_by_froude(run, met, card)]
         left = [outside for _, outside, _, _ in cases if outside is not None and outside > 0.005]
         if scaled and left:
             beyond.append(Departure(OUTSIDE_RANGE, tuple(100.0 * outside for outside in left), "0", "% of the time"))
         return replace(trust, departures=tuple(merged(beyond)))
     if len(cases) > 1 and trust.nearest:  # the nearest run is that of one case only
         trust = replace(trust, error=trust.error.replace(trust.nearest, ""), nearest="")
-    departures = merged(d for case in cases for d in departures_of(*case))
+    departures = merged(d for run, outside, _, met in cases for d in departures_of(run, outside, met, card))
     if not departures:
         return trust
     advice = "The error here is not known; compare with the flow in the loop."
@@ -222,12 +227,12 @@ def _flow(run: RunDescription, soil: str) -> Trust:
     return Trust("flow in the loop", "measured", error, soil, (), flow["end"], flow["end"], parts=flow_parts())
 
 
-def _cheap(run: RunDescription, soil: str, water: Water) -> Trust:
+def _cheap(run: RunDescription, soil: str, water: Water, card: Mapping[str, Any] | None) -> Trust:
     """Networks or coefficients, as if the run were like those that were measured."""
     table, model = measured_errors(), run.hydrodynamics
     name = "calibrated" if isinstance(model, CalibratedHydrodynamics) else "coefficients"
     if isinstance(model, SurrogateHydrodynamics):
-        if (card := card_of(model.networks, some=True)) is not None:
+        if card is not None:
             return _learnt(model, card, run.vehicle, soil)
         shipped = shipped_name(model)
         if shipped is None:
@@ -330,7 +335,7 @@ def _learnt(model: SurrogateHydrodynamics, card: Mapping[str, Any], vehicle: Veh
         advice = f"the coefficients gave {100.0 * share:.0f} % of the loads in drives that were compared. In them,"
         return Trust(label, "not validated", error, soil, advice=advice)
     mean, worst = float(np.mean(ends)), max(ends)
-    return Trust(label, "measured", error, soil, (), mean, worst, parts=error_parts(model, mean, worst))
+    return Trust(label, "measured", error, soil, (), mean, worst, parts=error_parts(model, mean, worst, card=card))
 
 
 def _what_to_believe(out_of_range: float, fallback: float, shipped: bool) -> str:

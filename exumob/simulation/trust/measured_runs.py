@@ -13,6 +13,7 @@ from exumob.driving.maneuver import ConstantSteer
 from exumob.simulation.description import RunDescription
 from exumob.support.measured import measured_errors
 from exumob.support.wording import percents, span
+from exumob.surrogates.ensemble import card_of
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.vehicle_shape import GEOMETRY, flat, plain_parameters, same_value
 from exumob.vehicle.parameters import Vehicle
@@ -56,6 +57,16 @@ def digests_of(name: str) -> set[str]:
     """Digests of the networks that come with exumob: ``"networks"``, the default ensemble, or those with a name."""
     table = measured_errors()
     return set(table["networks"] if name == "networks" else table["named"][name])
+
+
+def cards_of(model: SurrogateHydrodynamics) -> list[Mapping[str, Any] | None]:
+    """What was measured of networks: their own card, or those of networks that come with exumob; None: the table's rows.
+
+    The default networks have both: lane changes like the paper's, in the rows, and drives over the whole range.
+    """
+    if (own := card_of(model.networks, some=True)) is not None:
+        return [own]
+    return [None, measured_errors()["full_range"]] if shipped_name(model) == "networks" else [None]
 
 
 @functools.cache
