@@ -27,8 +27,7 @@ from exumob.paper.reference_runs import FlowRun, compute_all, set_up_log, work_f
 from exumob.paper.scenarios import DRAWN, Scenario
 from exumob.simulation.result_files import save_dataset
 from exumob.support.figures import STYLE
-from exumob.surrogates.ensemble import bars_of
-from exumob.surrogates.error_floor import error_floor
+from exumob.surrogates.ensemble import bars_of, load_floor
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NAMED
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
@@ -171,9 +170,8 @@ def main(quick: bool = False, jobs: int = 2) -> xr.Dataset:
     }
     ensemble = chosen["networks"]
     assert isinstance(ensemble, SurrogateHydrodynamics)
-    known = error_floor(ensemble.networks)
-    assert known is not None
-    floor = known.usual  # lane changes
+    floor = load_floor(ensemble.networks)
+    assert floor is not None
     compared = {name: compare_loads(ensemble.networks, run, vehicle) for name, run in runs.items()}
     found = table(runs, drives, compared, floor)
     if not quick:

@@ -16,14 +16,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import matplotlib
-import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
 from exumob.learning.envelope import stored_envelope
 from exumob.learning.plan import LearningPlan, LearningRange, make_plan
-from exumob.learning.presets import PRESETS
-from exumob.simulation.result_files import load_dataset, save_dataset
+from exumob.simulation.result_files import save_dataset
 from exumob.support.figures import save_figure
 from vehicle_models.amphibious import amphibious_vehicle
 
@@ -31,7 +29,7 @@ FIGURES = Path(__file__).parent / "figures"
 """Folder of the committed figures and tables."""
 CFD_RUNS = Path(__file__).parents[1] / "data" / "cfd_mbd"
 """Folder of the data set: the thirteen packed runs with the flow in the loop."""
-FULL_RANGE = CFD_RUNS.parent / "full_range"
+FULL_RANGE_RUNS = CFD_RUNS.parent / "full_range"
 """Folder of the runs that `exumob learn` made for the whole range, thinned."""
 FULL_RANGE_CELLS, FULL_RANGE_BUDGET = 0.022, 4.0
 """Width of their cells [m], and the budget that they were planned with [h]."""
@@ -58,25 +56,6 @@ def add_networks(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--networks", type=Path, default=Path("networks"), help="folder of `exumob train`")
 
 
-def add_shipped(parser: argparse.ArgumentParser) -> None:
-    """Add the option ``--shipped``: only the models that come with exumob are compared anew."""
-    parser.add_argument(
-        "--shipped", action="store_true",
-        help="compare only what comes with exumob anew (a minute or two); the other rows of the table stay",
-    )  # fmt: skip
-
-
-def renewed(name: str, table: xr.Dataset) -> xr.Dataset:
-    """Return the committed table of a study, its rows of presets as they are, those of other models as in `table`."""
-    kept = load_dataset(FIGURES / name)
-    kept = kept.sel(model=[model for model in kept["model"].values if str(model) in PRESETS])
-    new = [model for model in table["model"].values if str(model) not in PRESETS]
-    both = [one.assign_coords(member=np.arange(one.sizes["member"])) for one in (kept, table.sel(model=new))]
-    found = xr.concat(both, "model", join="outer").drop_vars("member").assign_attrs(table.attrs)
-    order = [*new[:-1], *kept["model"].values, new[-1]]  # networks that come with exumob stand last
-    return found.sel(model=order, scenario=table["scenario"].values)
-
-
 def add_workers(parser: argparse.ArgumentParser, folder: str) -> None:
     """Add the options ``--workers``, processes of a sweep, and ``--folder``, where it is kept."""
     parser.add_argument("--workers", type=int, default=2, help="processes")
@@ -84,9 +63,9 @@ def add_workers(parser: argparse.ArgumentParser, folder: str) -> None:
 
 
 def full_range_plan() -> LearningPlan:
-    """The plan of the runs in `FULL_RANGE`, as `exumob learn` makes it; the envelope is the stored one."""
+    """The plan of the runs in `FULL_RANGE_RUNS`, as `exumob learn` makes it; the envelope is the stored one."""
     vehicle, wanted = amphibious_vehicle(), LearningRange()
-    envelope = stored_envelope(vehicle, wanted, FULL_RANGE)
+    envelope = stored_envelope(vehicle, wanted, FULL_RANGE_RUNS)
     return make_plan(vehicle, wanted, FULL_RANGE_BUDGET, FULL_RANGE_CELLS, envelope)
 
 

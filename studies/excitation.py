@@ -30,7 +30,7 @@ from exumob.learning.dataset import base_loads
 from exumob.learning.envelope import keep_envelope, stored_envelope
 from exumob.learning.evaluation import FAST, closed_loop, drive, open_loop
 from exumob.learning.plan import CaptiveTask, FreeTask, LearningRange, Task, make_plan
-from exumob.learning.presets import BEST, PRESETS, Preset
+from exumob.learning.presets import LANE_CHANGES, PRESETS, Preset
 from exumob.learning.training import train
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
 from exumob.support.figures import STYLE
@@ -244,10 +244,10 @@ def main(quick: bool = False, folder: Path | None = None, jobs: int = 2) -> xr.D
     assert set(ORDER) == {scenario.name for scenario in TRAINING}
     if quick:
         with tempfile.TemporaryDirectory() as temporary:
-            preset = dataclasses.replace(PRESETS[BEST], epochs=2)
+            preset = dataclasses.replace(PRESETS[LANE_CHANGES], epochs=2)
             few = ("lane changes", "multisines and steps")
             return study(folder or Path(temporary), 0.06, 0.4, (2,), 1, preset, jobs, few, UNSEEN[:1])
-    table = study(folder or Path("runs") / "excitation", CELL_SIZE, DURATION, COUNTS, 5, PRESETS[BEST], jobs)
+    table = study(folder or Path("runs") / "excitation", CELL_SIZE, DURATION, COUNTS, 5, PRESETS[LANE_CHANGES], jobs)
     save({"excitation.png": plot(table), "excitation.nc": table})
     print(lines(table))
     return table

@@ -1,59 +1,57 @@
 """How well do the networks that come with exumob know the whole range: 20 to 90 % depth, currents from all sides?
 
-They learned from nine lane changes (`data/cfd_mbd`, 18 mm cells) and from the 21 runs of `data/full_range` that teach:
-drives over three soils and captive runs that `exumob learn` planned and made for the paper's vehicle, on cells of 22 mm.
-Here they are compared with the coefficients that they rest on and with the calibrated ones, on the five drives that were
-kept apart, as they were made on 22 mm and made again on 18 mm (`data/full_range/fine`). Then they are asked how much of
-a map they know: straight ahead over all published soils, in several depths, currents and directions.
+Beyond the range of nine lane changes, which taught the first five of them (`data/cfd_mbd`, 18 mm cells), five others
+take over. Those learned from these runs and from the 21 of `data/full_range` that teach: drives over three soils and
+captive runs that `exumob learn` planned and made for the paper's vehicle, on cells of 22 mm. Here they are compared with
+the coefficients that they rest on and with the calibrated ones, on the five drives that were kept apart, and each seed
+by itself on the drives that it kept for validation. Then they are asked how much of a map they know: straight ahead
+over all published soils, in several depths, currents and directions.
 
-First: exumob train --preset balanced --data data/cfd_mbd --data data/full_range/runs --output networks, and copy the
-five files to exumob/surrogates/weights
-Run: python studies/full_range.py [--jobs 2]     (a quarter of an hour; with `data/full_range/fine` removed, which is
-     made again, an hour of two cores more)
+First: exumob train --preset balanced --data data/cfd_mbd --data data/full_range/runs --output networks
+Run: python studies/full_range.py --networks networks [--jobs 2]     (a quarter of an hour; without --networks those
+     that come with exumob stay)
 """
 
 from __future__ import annotations
 
 import functools
 import itertools
+import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
-from common import FULL_RANGE, full_range_plan, save, study_parser
+from common import CFD_RUNS, FULL_RANGE_RUNS, full_range_plan, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob import Soil, simulate
 from exumob.driving.maneuver import ConstantSteer
-from exumob.learning.campaign import compute_task
-from exumob.learning.compact import thinned
 from exumob.learning.dataset import load_run, load_runs
 from exumob.learning.drives import maneuver_name
 from exumob.learning.evaluation import closed_loop
 from exumob.learning.plan import FreeTask
-from exumob.learning.validation import compare_loads, load_errors
+from exumob.learning.presets import BEST
+from exumob.learning.validation import card_figures, compare_drives, compare_loads, load_errors
 from exumob.mobility.crossing import Limits
-from exumob.paper.reference_runs import CELL_SIZE, work_folder
-from exumob.simulation.result_files import save_dataset
+from exumob.paper.scenarios import TRAINING
 from exumob.support.errors import SimulationError
 from exumob.support.figures import STYLE
+from exumob.surrogates.ensemble import save_ensemble
 from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import FULL_RANGE, NetworkSet, network_file
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics
 from vehicle_models.amphibious import amphibious_vehicle
 
-FINE = FULL_RANGE / "fine"
-"""Folder of the drives kept apart as they go on finer cells."""
-MODELS = ("networks", "their coefficients", "calibrated", "flow on 22 mm")
-"""Networks that come with exumob, the coefficients that they rest on, the calibrated ones, and the flow on the cells of
-the runs that taught, beside that on finer ones."""
+MODELS = ("networks", FULL_RANGE, "their coefficients", "calibrated")
+"""The default networks, those for the whole range alone, the coefficients that the latter rest on, and the calibrated
+ones."""
 DEPTHS, CURRENTS, SIDES = (0.2, 0.55, 0.9), (0.0, 0.75, 1.5), (0.0, 90.0, 180.0)
 """Waters of a map: depths over the tyre's diameter, currents [m/s], and where they come from, from ahead to the left
 [deg]."""
@@ -61,58 +59,77 @@ STRAIGHT, WINDOW = 3.0, 1.5
 """Time for which the vehicle goes straight ahead there, and the last part of it that counts [s], as in a map."""
 
 
+def ship(folder: Path) -> None:
+    """Write networks of `exumob train`, with their report card, as those that come with exumob for the whole range."""
+    members = [NetworkSet.load(file) for file in sorted(folder.glob(f"{BEST}_seed*.safetensors"))]
+    if not members:
+        raise ValueError(f"--networks {folder} holds no networks of {BEST}; first: exumob train, as above.")
+    save_ensemble(members, network_file(FULL_RANGE))  # lines of trust of the drives look there
+    plan, runs = full_range_plan(), load_runs(FULL_RANGE_RUNS.glob("runs/*.nc"))
+    apart = {name: run for name, run in runs.items() if run.attrs["role"] == "apart"}
+    nine = load_runs(CFD_RUNS / f"{scenario.file_stem}.nc" for scenario in TRAINING)
+    taught = {name: run for name, run in runs.items() if name not in apart} | nine
+    errors = load_errors({n: compare_loads(members, run, plan.vehicle) for n, run in apart.items()}, plan.vehicle)
+    drives = compare_drives(members, plan, apart)
+    card = card_figures(plan, members, errors, drives, taught, apart)
+    save_ensemble(members, network_file(FULL_RANGE), card)
+    print("report card:", json.dumps(card | {"parameters": "...", "load_floor": "..."}, indent=1))
+
+
 def judges() -> list[FreeTask]:
     """The drives that were kept apart."""
     return [task for task in full_range_plan().tasks if isinstance(task, FreeTask) and task.role == "apart"]
 
 
-def fine_run(task: FreeTask) -> xr.Dataset:
-    """One of them on the cells of the paper's runs; made if it is missing."""
-    file = FINE / f"{task.name}.nc"
-    if not file.exists():
-        checkpoint = work_folder() / f"{task.name}_fine.npz"
-        checkpoint.parent.mkdir(parents=True, exist_ok=True)
-        run = compute_task(replace(task, cell_size=CELL_SIZE), amphibious_vehicle(), checkpoint, lambda time: None)
-        FINE.mkdir(parents=True, exist_ok=True)
-        save_dataset(thinned(run), file)
-        checkpoint.unlink(missing_ok=True)
-    return load_run(file)
-
-
-def compared(tasks: Sequence[FreeTask], jobs: int) -> xr.Dataset:
-    """Where models end beside the flow on 22 and on 18 mm, and how far the networks' loads are off along its runs."""
-    vehicle, networks = amphibious_vehicle(), SurrogateHydrodynamics()
+def compared(tasks: Sequence[FreeTask]) -> xr.Dataset:
+    """Where models end beside the flow, and how far the loads are off along its runs."""
+    vehicle, networks = amphibious_vehicle(), SurrogateHydrodynamics(FULL_RANGE)
     models: dict[str, Hydrodynamics] = {
-        "networks": networks, "their coefficients": CalibratedHydrodynamics(waves=networks.waves),
-        "calibrated": CalibratedHydrodynamics(),
+        "networks": SurrogateHydrodynamics(), FULL_RANGE: networks,
+        "their coefficients": CalibratedHydrodynamics(waves=networks.waves), "calibrated": CalibratedHydrodynamics(),
     }  # fmt: skip
-    with ProcessPoolExecutor(jobs) as pool:
-        fine = dict(zip([task.name for task in tasks], pool.map(fine_run, tasks), strict=True))
-    flows = {"22 mm": load_runs(FULL_RANGE / "runs" / f"{task.name}.nc" for task in tasks), "18 mm": fine}
-    ends = np.full((len(flows), len(MODELS), len(tasks)), np.nan)
-    for r, task in enumerate(tasks):
-        for m, model in enumerate(models.values()):
-            run = simulate(
-                vehicle, Soil.published(task.soil), task.water, task.maneuver, model, duration=task.duration,
-                record_step=10e-3,
-            )  # fmt: skip
-            for f, known in enumerate(flows.values()):
-                ends[f, m, r] = closed_loop(run, known[task.name])["final"]
-        ends[1, -1, r] = closed_loop(flows["22 mm"][task.name], fine[task.name])["final"]
-    loads = []
-    for runs in flows.values():
-        along = {name: compare_loads(networks.networks, run, vehicle) for name, run in runs.items()}
-        found = load_errors(along, vehicle)
-        loads.append([float(found[name].mean()) for name in ("networks", "coefficients")])
+    runs = load_runs(FULL_RANGE_RUNS / "runs" / f"{task.name}.nc" for task in tasks)
+    ends = [[_end(task, model, runs[task.name]) for task in tasks] for model in models.values()]
+    along = {name: compare_loads(networks.networks, run, vehicle) for name, run in runs.items()}
+    found = load_errors(along, vehicle)
     return xr.Dataset(
         {
-            "final": (("cells", "model", "run"), ends, {"units": "%"}),
-            "load_error": (("cells", "loads"), loads, {"units": "1"}),
+            "final": (("model", "run"), ends, {"units": "%"}),
+            "load_error": ("loads", [float(found[n].mean()) for n in ("networks", "coefficients")], {"units": "1"}),
             "about": ("run", [_about(task, vehicle) for task in tasks]),
         },
-        {"cells": list(flows), "model": list(MODELS), "run": [task.name for task in tasks],
-         "loads": ["networks", "their coefficients"]},
+        {"model": list(MODELS), "run": [task.name for task in tasks], "loads": [FULL_RANGE, "their coefficients"]},
+    )
+
+
+def _end(task: FreeTask, model: Hydrodynamics, reference: xr.Dataset) -> float:
+    """Distance of the final positions over the length of the path [%]."""
+    run = simulate(
+        amphibious_vehicle(), Soil.published(task.soil), task.water, task.maneuver, model, duration=task.duration,
+        record_step=10e-3,
     )  # fmt: skip
+    return float(closed_loop(run, reference)["final"])
+
+
+def held_back() -> xr.Dataset:
+    """Where each seed's network alone ends the drives that it kept for validation, and the coefficients below it."""
+    vehicle, tasks = amphibious_vehicle(), {task.name: task for task in full_range_plan().tasks}
+    found = []
+    for member in SurrogateHydrodynamics(FULL_RANGE).networks:
+        for name in member.about["held_back"].split(", "):
+            task = tasks.get(name)
+            if not isinstance(task, FreeTask):
+                continue
+            reference = load_run(FULL_RANGE_RUNS / "runs" / f"{name}.nc")
+            models: list[Hydrodynamics] = [
+                SurrogateHydrodynamics(member), CalibratedHydrodynamics(waves=member.waves), CalibratedHydrodynamics()
+            ]  # fmt: skip
+            ends = [_end(task, model, reference) for model in models]
+            found.append((f"seed {member.about['seed']}, {_about(task, vehicle)}", ends))
+    return xr.Dataset(
+        {"final": (("run", "model"), [ends for _, ends in found], {"units": "%"})},
+        {"run": [name for name, _ in found], "model": ["one network", *MODELS[2:4]]},
+    )
 
 
 def _about(task: FreeTask, vehicle: Vehicle) -> str:
@@ -165,41 +182,48 @@ def hatched(found: xr.Dataset) -> xr.DataArray:
     return ~(found["outside"] <= Limits().range_share)
 
 
-def plot(ends: xr.Dataset, share: xr.Dataset) -> Figure:
+def plot(ends: xr.Dataset, held: xr.Dataset, share: xr.Dataset) -> Figure:
     """Draw where drives end with each model, and what share of the map is hatched over soils."""
     with plt.rc_context(STYLE):
-        figure, panels = plt.subplots(1, 3, figsize=(11.0, 4.6), width_ratios=(1.0, 1.0, 0.8), layout="constrained")
-        places = np.arange(ends.sizes["run"])
-        for axes, cells in zip(panels, ends["cells"].values, strict=False):
-            for n, model in enumerate(MODELS):
-                axes.barh(places + 0.2 * (n - 1.5), ends["final"].sel(cells=cells, model=model), 0.19, color=f"C{n}",
-                          label=model)  # fmt: skip
-            axes.set(xlabel="final position off [% of the path]", title=f"beside the flow on {cells}")
-            axes.set_yticks(places, [])
+        figure, panels = plt.subplots(1, 3, figsize=(11.0, 4.6), width_ratios=(1.0, 1.0, 0.7), layout="constrained")
+        apart, own = (
+            (ends["final"], ends["about"].values, "kept apart"),
+            (held["final"].T, held["run"].values, "of a seed"),
+        )
+        for axes, (final, about, title) in zip(panels, (apart, own), strict=False):
+            places, models = np.arange(final.sizes["run"]), final["model"].values
+            for n, model in enumerate(models):
+                color = f"C{list(MODELS).index(model)}" if model in MODELS else "C1"
+                height = 0.8 / len(models)
+                axes.barh(places + height * (n - 0.5 * (len(models) - 1)), final.sel(model=model), 0.95 * height,
+                          color=color, label=model)  # fmt: skip
+            axes.set(xlabel="final position off [% of the path]", title=f"drives {title}")
+            axes.set_yticks(places, [str(a).replace(", ", "\n", 1) for a in about], fontsize="x-small")
             axes.invert_yaxis()
-        panels[0].set_yticks(places, [str(a).replace(", ", "\n", 1) for a in ends["about"].values], fontsize="x-small")
-        panels[1].legend(fontsize="x-small")
+            axes.legend(fontsize="x-small")
         of = hatched(share).mean(["depth_ratio", "flow"])
         order = np.argsort(of.values)
         panels[2].barh(np.arange(len(order)), 100.0 * of[order], 0.7, color="C0")
         panels[2].set_yticks(np.arange(len(order)), of["soil"].values[order], fontsize="xx-small")
-        panels[2].set(xlabel="outside the range [% of the waters]", title="all published soils")
+        panels[2].set(xlabel="outside the range\n[% of the waters]", title="all published soils")
     return figure
 
 
-def lines(ends: xr.Dataset, share: xr.Dataset) -> str:
+def lines(ends: xr.Dataset, held: xr.Dataset, share: xr.Dataset) -> str:
     """The tables as they stand on the page of the study."""
-    columns = [(cells, model) for cells in ends["cells"].values for model in MODELS]
-    columns = [c for c in columns if np.isfinite(ends["final"].sel(cells=c[0], model=c[1])).all()]
-    rows = [f"| final position [% of the path] | {' | '.join(f'{m}, beside {c}' for c, m in columns)} |"]
-    rows.append("|---" * (len(columns) + 1) + "|")
-    final = {c: ends["final"].sel(cells=c[0], model=c[1]).values for c in columns}
+    rows = [f"| final position [% of the path] | {' | '.join(MODELS)} |", "|---" * (len(MODELS) + 1) + "|"]
     for n, about in enumerate(ends["about"].values):
-        rows.append(f"| {about} | {' | '.join(f'{v[n]:.2g}' for v in final.values())} |")
-    rows.append(f"| **mean (worst)** | {' | '.join(f'{v.mean():.2g} ({v.max():.2g})' for v in final.values())} |")
-    for cells in ends["cells"].values:
-        off = [f"{one} {float(ends['load_error'].sel(cells=cells, loads=one)):.2f}" for one in ends["loads"].values]
-        rows.append(f"\nLoad error beside the flow on {cells}: {', '.join(off)}")
+        rows.append(f"| {about} | {' | '.join(f'{v:.2g}' for v in ends['final'].values[:, n])} |")
+    means = [f"{v.mean():.2g} ({v.max():.2g})" for v in ends["final"].values]
+    rows.append(f"| **mean (worst)** | {' | '.join(means)} |")
+    off = [f"{one} {float(ends['load_error'].sel(loads=one)):.2f}" for one in ends["loads"].values]
+    rows.append(f"\nLoad error on these drives: {', '.join(off)}")
+    rows.append(f"\n| drives that a seed kept for validation | {' | '.join(held['model'].values)} |")
+    rows.append("|---" * (held.sizes["model"] + 1) + "|")
+    for n, about in enumerate(held["run"].values):
+        rows.append(f"| {about} | {' | '.join(f'{v:.2g}' for v in held['final'].values[n])} |")
+    means = zip(held["final"].mean("run").values, held["final"].max("run").values, strict=True)
+    rows.append(f"| **mean (worst)** | {' | '.join(f'{m:.2g} ({w:.2g})' for m, w in means)} |")
     of = hatched(share)
     for name in ("depth_ratio", "flow"):
         each = [f"{100.0 * float(of.sel({name: v}).mean()):.0f} % at {v}" for v in share[name].values]
@@ -209,16 +233,24 @@ def lines(ends: xr.Dataset, share: xr.Dataset) -> str:
     return "\n".join(rows)
 
 
-def main(quick: bool = False, jobs: int = 2) -> tuple[xr.Dataset, xr.Dataset]:
+def main(quick: bool = False, jobs: int = 2, networks: Path | None = None) -> tuple[xr.Dataset, xr.Dataset]:
     """Compare and ask; with `quick` the first drive, a few soils, and nothing is written."""
-    ends, share = compared(judges()[: 1 if quick else None], jobs), known(jobs, quick)
-    if not quick:
-        save({"full_range.png": plot(ends, share), "full_range.nc": ends, "full_range_known.nc": share})
-    print(lines(ends, share))
+    if networks is not None and not quick:
+        ship(networks)
+    ends, share = compared(judges()[: 1 if quick else None]), known(jobs, quick)
+    if quick:
+        return ends, share
+    held = held_back()
+    save({
+        "full_range.png": plot(ends, held, share), "full_range.nc": ends, "full_range_held_back.nc": held,
+        "full_range_known.nc": share,
+    })  # fmt: skip
+    print(lines(ends, held, share))
     return ends, share
 
 
 if __name__ == "__main__":
     parser = study_parser(__doc__)
+    parser.add_argument("--networks", type=Path, help="folder of `exumob train` with the networks to come with exumob")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     main(**vars(parser.parse_args()))

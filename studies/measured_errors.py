@@ -3,8 +3,7 @@
 The thirteen lane changes with the flow in the loop (`data/cfd_mbd`) are driven anew with the networks that come with
 exumob, the default ensemble and the paper's, with the coefficients that the ensemble rests on ("fitted"), the
 calibrated and the published ones, at the steps that are the default, and the vehicle goes straight ahead in the same
-water. The ensemble also drives what `data/full_range` keeps apart: other soils, 20 to 90 % depth, currents from all
-sides; that is its report card. What is found is written to `exumob/support/measured_errors.json`, which `exumob.simulation.trust` reads, with
+water. What is found is written to `exumob/support/measured_errors.json`, which `exumob.simulation.trust` reads, with
 what other studies measured: how far runs with the flow in the loop repeat (`cfd_lane_change.nc`), its loads beside
 another program, and the soil's forces beside measurements (`docs/validation.md`).
 
@@ -15,7 +14,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -24,14 +22,14 @@ import numpy as np
 import xarray as xr
 from calibrate_coefficients import CURRENT, DEPTH
 from cfd_lane_change import VARIANTS
-from common import CFD_RUNS, FIGURES, FULL_RANGE, full_range_plan, study_parser
+from common import CFD_RUNS, FIGURES, study_parser
 
 from exumob import Soil, load_dataset, simulate, summary
 from exumob.driving.maneuver import ConstantSteer, LaneChange
 from exumob.learning.dataset import load_runs
 from exumob.learning.error_bars import fitted_floor
 from exumob.learning.evaluation import closed_loop, drive
-from exumob.learning.validation import card_figures, compare_drives, compare_loads, load_errors
+from exumob.learning.validation import compare_loads
 from exumob.paper.reference_runs import CELL_SIZE, SOIL
 from exumob.paper.scenarios import TRAINING, UNSEEN, Scenario
 from exumob.simulation.ensemble import add_members
@@ -40,7 +38,7 @@ from exumob.support.files import atomic_write
 from exumob.support.measured import MEASURED_FILE
 from exumob.support.provenance import provenance
 from exumob.surrogates.model import SurrogateHydrodynamics
-from exumob.surrogates.networks import NAMED, NetworkSet
+from exumob.surrogates.networks import NAMED
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
@@ -108,25 +106,6 @@ def floors(models: dict[str, SurrogateHydrodynamics], runs: dict[str, xr.Dataset
         floor = fitted_floor([one.networks - one.flow for one in compared], [one.spread for one in compared])
         found[name] = [[float(f"{value:.3g}") for value in row] for row in floor]
     return found
-
-
-def full_range(members: Sequence[NetworkSet], nine: dict[str, xr.Dataset]) -> dict[str, Any]:
-    """Report card of the networks on what the full range keeps apart (`exumob.learning.validation.card_figures`)."""
-    plan, runs = full_range_plan(), load_runs(FULL_RANGE.glob("runs/*.nc"))
-    apart = {name: run for name, run in runs.items() if run.attrs["role"] == "apart"}
-    taught = {name: run for name, run in runs.items() if name not in apart} | nine
-    errors = load_errors({n: compare_loads(members, run, plan.vehicle) for n, run in apart.items()}, plan.vehicle)
-    drives = compare_drives(members, plan, apart)
-    return dict(_rounded(card_figures(plan, members, errors, drives, taught, apart)))
-
-
-def _rounded(value: Any) -> Any:
-    """Numbers to four digits, in whatever holds them."""
-    if isinstance(value, dict):
-        return {name: _rounded(one) for name, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_rounded(one) for one in value]
-    return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
 def dry(vehicle: Vehicle) -> dict[str, Any]:
@@ -225,7 +204,6 @@ def main(quick: bool = False) -> dict[str, Any]:
         "load_floor": floors(
             {"networks": ensemble, **named}, {s.name: references[s.name] for s in chosen if s in UNSEEN}, vehicle
         ),
-        "full_range": {} if quick else full_range(ensemble.networks, {s.name: references[s.name] for s in TRAINING}),
         "dry": {} if quick else dry(vehicle),
         "flow": repeatability(load_dataset(FIGURES / "cfd_lane_change.nc")),
         "elsewhere": elsewhere(load_dataset(FIGURES / "calibrate_coefficients.nc")),

@@ -5,8 +5,7 @@ and D50/U0.5 steered by 15 instead of 30 degrees. The vehicle drives them at 0.5
 with a regression fitted to the training runs, with the paper's networks and with those of exumob, five seeds each.
 
 First: exumob train --output networks
-Run: python studies/predict_unseen.py --networks networks     (about a quarter of an hour; with `--shipped` instead
-     only the networks that come with exumob and their coefficients, two minutes)
+Run: python studies/predict_unseen.py --networks networks     (about a quarter of an hour)
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,12 +14,12 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
-from common import CFD_RUNS, add_networks, add_shipped, renewed, save, study_parser
+from common import CFD_RUNS, add_networks, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import compare
-from exumob.learning.presets import BEST, PRESETS
+from exumob.learning.presets import PRESETS
 from exumob.learning.report import ENSEMBLE, by_scenario, load_models, markdown, plot_paths
 from exumob.paper.scenarios import UNSEEN
 from exumob.support.figures import STYLE
@@ -69,19 +68,18 @@ def hull_loads(runs: Runs, references: Mapping[str, xr.Dataset], model: str, sce
     return figure
 
 
-def main(quick: bool = False, networks: Path = Path("networks"), shipped: bool = False) -> xr.Dataset:
+def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
     """Drive the unseen scenarios with every model; return the table (see `exumob.learning.evaluation.compare`)."""
     names = [scenario.name for scenario in (UNSEEN[:1] if quick else UNSEEN)]
     files = [CFD_RUNS / f"{scenario.file_stem}.nc" for scenario in UNSEEN if scenario.name in names]
     runs_by_name = load_runs(files)
     references = {name: runs_by_name[name] for name in names}
-    chosen = load_models(networks, () if quick or shipped else tuple(p for p in PRESETS if p != BEST))
+    chosen = load_models(networks, () if quick else tuple(PRESETS))
     if quick:
         chosen = {ENSEMBLE: chosen[ENSEMBLE]}
     table, runs = compare(chosen, references, amphibious_vehicle(), progress=None if quick else print)
     if quick:
         return table
-    table = renewed("predict_unseen.nc", table) if shipped else table
     save(
         {
             "unseen_paths.png": plot_paths(runs, references, [ENSEMBLE]),
@@ -96,6 +94,5 @@ def main(quick: bool = False, networks: Path = Path("networks"), shipped: bool =
 if __name__ == "__main__":
     parser = study_parser(__doc__)
     add_networks(parser)
-    add_shipped(parser)
     answer = main(**vars(parser.parse_args()))
     print(markdown(answer), by_scenario(answer), sep="\n\n")

@@ -6,29 +6,24 @@ by its error on the ninth, its validation run; by the errors on those, in the se
 exumob was chosen.
 
 First: exumob train --output networks
-Run: python studies/reproduce_training.py --networks networks     (about half an hour; with `--shipped` instead only the
-     table's rows of the networks that come with exumob and their coefficients, two minutes)
+Run: python studies/reproduce_training.py --networks networks     (about half an hour)
 """
 
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import xarray as xr
-from common import CFD_RUNS, FIGURES, add_networks, add_shipped, renewed, save, study_parser
+from common import CFD_RUNS, add_networks, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import compare
-from exumob.learning.presets import PRESETS
+from exumob.learning.presets import LANE_CHANGES, PRESETS
 from exumob.learning.report import ENSEMBLE, by_scenario, load_models, markdown, plot_paths
 from exumob.paper.scenarios import TRAINING, UNSEEN
-from exumob.simulation.result_files import load_dataset
 from exumob.support.figures import STYLE
 from exumob.surrogates.model import SurrogateHydrodynamics
 from vehicle_models.amphibious import amphibious_vehicle
-
-LEARNT = ("paper-lstm", "paper-dense", "coefficients", "memory")
-"""Presets that are compared on the runs that taught them."""
 
 
 def plan() -> Figure:
@@ -58,22 +53,17 @@ def validation(folder: Path, references: dict[str, xr.Dataset]) -> xr.Dataset:
     return xr.concat(tables, "model", join="outer")
 
 
-def main(
-    quick: bool = False, networks: Path = Path("networks"), shipped: bool = False
-) -> tuple[xr.Dataset, xr.Dataset]:
+def main(quick: bool = False, networks: Path = Path("networks")) -> tuple[xr.Dataset, xr.Dataset]:
     """Drive the training runs; return the tables of all runs and of the validation runs."""
     names = [s.name for s in TRAINING]
     loaded = load_runs(CFD_RUNS / f"{s.file_stem}.nc" for s in TRAINING)
     references = {name: loaded[name] for name in (names[:1] if quick else names)}
-    chosen = load_models(networks, () if quick or shipped else LEARNT)
+    chosen = load_models(networks, () if quick else ("paper-lstm", "paper-dense", "coefficients", LANE_CHANGES))
     if quick:
         chosen = {ENSEMBLE: chosen[ENSEMBLE]}
     table, runs = compare(chosen, references, amphibious_vehicle(), progress=None if quick else print)
     if quick:
         return table, table
-    if shipped:
-        save({"reproduce_training.nc": (table := renewed("reproduce_training.nc", table))})
-        return table, load_dataset(FIGURES / "held_back.nc")
     validated = validation(networks, references)
     save(
         {
@@ -89,7 +79,6 @@ def main(
 if __name__ == "__main__":
     parser = study_parser(__doc__)
     add_networks(parser)
-    add_shipped(parser)
     answer, validated = main(**vars(parser.parse_args()))
     print("All training runs:", markdown(answer), by_scenario(answer), sep="\n\n")
     print("\nValidation runs:", markdown(validated), sep="\n\n")

@@ -16,7 +16,7 @@ def export_command(
 ) -> None:
     """Write networks as an ONNX graph, for other programs.
 
-    Example: exumob export networks/balanced_seed0.safetensors --output balanced.onnx
+    Example: exumob export networks/memory_seed0.safetensors --output memory.onnx
     """
     from exumob.surrogates.networks import NetworkSet
 

@@ -1,8 +1,8 @@
 """Fitting the network of one body to its examples: the same bits from the same seed on one machine.
 
 What the paper leaves open was chosen on validation runs alone. Loss: mean square error of the six scaled loads, equal
-weights, or those of `run_weights`. Optimiser: Adam; gradients are cut off at norm 1. Activation of the dense layers: tanh. Training stops when the
-validation error no longer falls, and the weights of the best epoch are kept.
+weights, or those of `run_weights`. Optimiser: Adam; gradients are cut off at norm 1. Activation of the dense layers:
+tanh. Training stops when the validation error no longer falls, and the weights of the best epoch are kept.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from exumob.learning.examples import Examples, scalers
 from exumob.learning.presets import Preset
 from exumob.learning.torch_networks import LoadNetwork
 from exumob.surrogates.networks import Single, monomials
-
 
 HEAVIEST = 10.0
 """Largest weight of a run, over that of the median one [-]."""

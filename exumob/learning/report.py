@@ -10,15 +10,15 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from exumob.learning.presets import BEST, PRESETS
+from exumob.learning.presets import LANE_CHANGES, PRESETS
 from exumob.support.arrays import Array
 from exumob.support.figures import STYLE
-from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
+from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.hydrodynamics import Hydrodynamics
 
-ENSEMBLE = f"{BEST}, ensemble"
+ENSEMBLE = f"{LANE_CHANGES}, ensemble"
 """The networks that come with exumob, all together."""
 PUBLISHED = "published coefficients"
 """`CoefficientHydrodynamics`, none of whose coefficients is fitted to the runs."""
@@ -48,7 +48,7 @@ def load_models(folder: Path, presets: Sequence[str] = tuple(PRESETS)) -> dict[s
     ValueError
         If the folder holds no networks of a preset.
     """
-    shipped = SurrogateHydrodynamics(shipped_networks())
+    shipped = SurrogateHydrodynamics()
     found: dict[str, list[Hydrodynamics]] = {
         PUBLISHED: [CoefficientHydrodynamics()], FITTED: [CalibratedHydrodynamics(waves=shipped.waves)]
     }  # fmt: skip

@@ -65,7 +65,7 @@ def add_members(
             if progress is not None:
                 progress((done * float(times[-1]) + time) / len(members))
 
-        alone = SurrogateHydrodynamics(network, fallback=hydrodynamics.fallback)
+        alone = hydrodynamics.member(n)
         try:
             run = simulate(vehicle, soil, water, maneuver, alone, progress=reached, **options)
         except SimulationError as error:

@@ -16,6 +16,7 @@ import numpy as np
 
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
+from exumob.support.measured import measured_errors
 from exumob.surrogates.networks import (
     COME_WITH_IT,
     READABLE,
@@ -132,6 +133,22 @@ def require_different(name: str, files: Sequence[str | Path]) -> None:
             f"{name} names a file twice ({', '.join(map(str, files))}); an ensemble of the same network agrees with "
             "itself. Give each once."
         )
+
+
+def load_floor(members: Sequence[NetworkSet]) -> Array | None:
+    """Return what is added to the spread of members for their error bars, squared [N, N m], shape (5, 6).
+
+    It is that part of their error on runs kept apart which all of them share (`exumob.learning.error_bars`), for all
+    members of a file with a report card, or of the networks that come with exumob. None: it was never measured.
+    """
+    card, table = card_of(members), measured_errors()
+    if card is not None:
+        return None if card.get("load_floor") is None else np.array(card["load_floor"], dtype=float)
+    digests = {member.digest() for member in members}
+    for name, known in {"networks": table["networks"], **table["named"]}.items():
+        if digests == set(known):
+            return np.array(table["load_floor"][name], dtype=float)
+    return None
 
 
 def bars_of(spread: Array, floor: Array) -> Array:

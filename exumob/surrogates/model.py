@@ -1,7 +1,7 @@
 """LSTM-MBD: trained networks as a hydrodynamics model (paper Secs. 3 and 5), with error bars and known limits.
 
 The wrenches on the vehicle are the mean of an ensemble's members. Their spread, with what all members lack on runs kept
-apart (`exumob.surrogates.error_floor`), is the error bar. Networks do not extrapolate: outside the range of the
+apart (`exumob.surrogates.ensemble.load_floor`), is the error bar. Networks do not extrapolate: outside the range of the
 training runs their wrenches are blended into those of the calibrated coefficients (`exumob.water.calibrated`), and the
 result records where and how far. In macro steps of more than 2 ms the networks' part moves half way to each new answer
 (`RELAXED_STEP`).
@@ -16,21 +16,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
 from exumob.support.declared import checked
 from exumob.support.kernels import njit
-from exumob.surrogates.ensemble import bars_of, load_members
-from exumob.surrogates.error_floor import LANE_CHANGE_INPUTS, error_floor
+from exumob.surrogates.ensemble import bars_of, load_floor, load_members
 from exumob.surrogates.inputs import SAMPLING, bed_below, network_inputs, size_factors, window_rows
 from exumob.surrogates.memory import InputMemory
 from exumob.surrogates.network_kernels import mean_and_spread
-from exumob.surrogates.networks import TRAINED_DENSITY, WEIGHTS, Architecture, NetworkSet
+from exumob.surrogates.networks import FULL_RANGE, TRAINED_DENSITY, WEIGHTS, Architecture, NetworkSet
 from exumob.surrogates.vehicle_shape import CLOSE, times_as_large
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS, BodyStates
 from exumob.vehicle.parameters import Vehicle
@@ -42,6 +42,8 @@ OUTSIDE = 0.02
 """Excess (`NetworkSet.excess`) from which a state counts as outside the training range [-]."""
 BLEND = (0.1, 0.5)
 """Excess at which the calibrated coefficients begin to take over, and from which they act alone [-]."""
+HANDOVER = (OUTSIDE, 0.2)
+"""The same of networks that know a wider range [-]: they know the border, and take over there."""
 RELAXED_STEP = 2.0e-3
 """Macro step above which the networks' part of the wrenches moves half way to their new answer [s].
 
@@ -64,7 +66,12 @@ class SurrogateHydrodynamics:
         Members of an ensemble, or files of one or several (`exumob.surrogates.ensemble`); ``"paper-lstm"`` stands for
         the paper's, which come with exumob (`exumob.surrogates.networks.NAMED`). Default: `shipped_networks`.
     fallback : bool
-        True: the calibrated coefficients take over outside the networks' range. False: the networks alone act.
+        True: other networks (`beyond`), if there are any, and coefficients take over outside the networks' range.
+        False: the networks alone act.
+    beyond : NetworkSet, path, or a sequence of them, optional
+        Networks of a wider range, which take over outside that of `networks`, before the coefficients that they rest on
+        take over from them. Default: for the default networks, which know lane changes, those for the whole range
+        (`exumob.surrogates.networks.FULL_RANGE`); for others none.
 
     Raises
     ------
@@ -79,7 +86,17 @@ class SurrogateHydrodynamics:
         networks: NetworkSet | str | Path | Sequence[NetworkSet | str | Path] | None = None,
         *,
         fallback: bool = True,
+        beyond: NetworkSet | str | Path | Sequence[NetworkSet | str | Path] | None = None,
     ) -> None:
+        if beyond is None and networks is None and fallback:
+            beyond = FULL_RANGE
+        if beyond is not None and not fallback:
+            raise ValueError(
+                "SurrogateHydrodynamics.beyond has no effect with fallback = False, with which the networks act alone; "
+                "leave one of them out."
+            )
+        self.beyond = None if beyond is None else SurrogateHydrodynamics(beyond)
+        """Networks that take over outside the range of these; None: coefficients do."""
         given = shipped_networks() if networks is None else networks
         if isinstance(given, NetworkSet | str | Path):
             given = [given]
@@ -104,16 +121,30 @@ class SurrogateHydrodynamics:
             "wave_coefficients": beside,
         }  # fmt: skip
         """The chosen settings, as kept in results."""
+        if self.beyond is not None:
+            self.parameters["beyond"] = self.beyond.parameters
         self._groups = [(NetworkSet.stacked(group), len(group)) for group in groups.values()]
         self._water: Water | None = None
-        self._floor = error_floor(self.networks)
+        self._floor = load_floor(self.networks)
         self._bed = Terrain()
         self._size = 1.0
         self._last_learnt: Array | None = None
 
+    @property
+    def all_networks(self) -> list[NetworkSet]:
+        """These networks, and those that take over beyond their range."""
+        return self.networks if self.beyond is None else [*self.networks, *self.beyond.networks]
+
+    def member(self, number: int) -> SurrogateHydrodynamics:
+        """Return one member alone, with one of those that take over beyond its range."""
+        beyond = None if self.beyond is None else self.beyond.networks[number % len(self.beyond.networks)]
+        return SurrogateHydrodynamics(self.networks[number], fallback=self.fallback, beyond=beyond)
+
     def set_bed(self, terrain: Terrain) -> None:
         """Take the ground of the runs to come. See `exumob.water.hydrodynamics.BedHydrodynamics`."""
         self._bed = terrain
+        if self.beyond is not None:
+            self.beyond.set_bed(terrain)
 
     def start(self, vehicle: Vehicle, water: Water | None, macro_step: float) -> None:
         """Check that the networks fit the vehicle, and forget any earlier run."""
@@ -123,8 +154,8 @@ class SurrogateHydrodynamics:
         self._spread: list[Array] = []
         self._excess: list[Array] = []
         self._fallback: list[Array] = []
-        self._usual: list[bool] = []
-        """Whether the floor of the error bars is the usual one"""
+        if self.beyond is not None:
+            self.beyond.start(vehicle, water, macro_step)
         self._relaxed, self._last_learnt = macro_step > RELAXED_STEP, None
         if water is None:
             return
@@ -186,20 +217,18 @@ class SurrogateHydrodynamics:
         if self._relaxed and self._last_learnt is not None and len(history) > 1:
             learnt = 0.5 * (learnt + self._last_learnt)
         self._last_learnt = learnt
-        share = _fallback_share(excess) if self.fallback else np.zeros(5)
-        wrenches = learnt if base is None else base + (1.0 - share)[:, None] * learnt
+        if self.beyond is not None:
+            share = _share_of_others(excess, HANDOVER)
+            others = self.beyond.wrenches(history, predict)
+            wrenches = (1.0 - share)[:, None] * (learnt if base is None else base + learnt) + share[:, None] * others
+        else:
+            share = _share_of_others(excess, BLEND) if self.fallback else np.zeros(5)
+            wrenches = learnt if base is None else base + (1.0 - share)[:, None] * learnt
         self._times.append(float(history.time[-1]))
         self._spread.append(spread)
         self._excess.append(excess)
         self._fallback.append(share)
-        self._usual.append(self._floor is None or self._floor.is_usual(self._lane_change_inputs(history)))
         return wrenches
-
-    def _lane_change_inputs(self, history: BodyStates) -> Array:
-        """`LANE_CHANGE_INPUTS` of the hull now, as of the vehicle in training."""
-        now = np.array([len(history) - 1])
-        inputs = network_inputs(history, self._around, LANE_CHANGE_INPUTS, now)[0, 0]
-        return np.asarray(inputs * size_factors(LANE_CHANGE_INPUTS, self._size))
 
     def _answers(self, history: BodyStates, water: Water, base: Array | None) -> tuple[Array, Array]:
         """Ask all members.
@@ -243,12 +272,13 @@ class SurrogateHydrodynamics:
         saved["memories"] = [memory.save() for memory in self._memories]
         if self._water is not None and self._coefficients is not None:
             saved["coefficients"] = self._coefficients.save(histories)
+        if self.beyond is not None:
+            saved["beyond"] = self.beyond.save(histories)
         if histories:
             saved["times"] = np.array(self._times)
             saved["spread"] = np.array(self._spread).reshape(-1, 5, 6)
             saved["excess"] = np.array(self._excess).reshape(-1, 5, 2)
             saved["fallback"] = np.array(self._fallback).reshape(-1, 5)
-            saved["usual"] = np.array(self._usual, bool)
         return saved
 
     def restore(self, saved: dict[str, Any]) -> None:
@@ -261,9 +291,11 @@ class SurrogateHydrodynamics:
         if "times" in saved:
             self._times = [float(t) for t in saved["times"]]
             self._spread, self._excess = list(saved["spread"]), list(saved["excess"])
-            self._fallback, self._usual = list(saved["fallback"]), [bool(one) for one in saved["usual"]]
-        for series in (self._times, self._spread, self._excess, self._fallback, self._usual):
+            self._fallback = list(saved["fallback"])
+        for series in (self._times, self._spread, self._excess, self._fallback):
             del series[saved["count"] :]
+        if self.beyond is not None:
+            self.beyond.restore(saved["beyond"])
 
     def record(self) -> dict[str, xr.DataArray]:
         """Return error bars of the wrenches, distance from the training range and share of the coefficients."""
@@ -271,59 +303,90 @@ class SurrogateHydrodynamics:
             return {}
         time = xr.Variable("macro_time", self._times, {"units": "s", "long_name": "start of the macro step"})
         coords = {"macro_time": time, "body": list(BODIES)}
-        excess = np.array(self._excess)
+        loads = self._recorded()
         found = {
             "load_spread": xr.DataArray(
-                np.array(self._spread), coords | {"component": list(WRENCH_COMPONENTS)},
+                loads.spread, coords | {"component": list(WRENCH_COMPONENTS)},
                 ("macro_time", "body", "component"),
                 attrs={"units": "N, N m", "long_name": "standard deviation of the members' loads, body axes"},
             ),
-            **self._error_bars(coords),
             "range_excess": xr.DataArray(
-                excess, coords | {"range_kind": ["single", "joint"]}, ("macro_time", "body", "range_kind"),
+                loads.excess, coords | {"range_kind": ["single", "joint"]}, ("macro_time", "body", "range_kind"),
                 attrs={"units": "1", "long_name": "distance outside the training range, over its width"},
             ),
             "out_of_range": xr.DataArray(
-                excess.max(axis=-1) > OUTSIDE, coords, ("macro_time", "body"),
+                loads.outside, coords, ("macro_time", "body"),
                 attrs={
                     "units": "1",
                     "long_name": f"whether the body's state lies outside the training range by {OUTSIDE:g}",
                 },
             ),
             "fallback_share": xr.DataArray(
-                np.array(self._fallback), coords, ("macro_time", "body"),
+                loads.fallback, coords, ("macro_time", "body"),
                 attrs={"units": "1", "long_name": "share of the calibrated coefficients in the loads"},
             ),
         }  # fmt: skip
+        if loads.bars is not None:
+            bars = np.where((loads.outside | (loads.fallback > 0.0))[..., None], np.nan, loads.bars)
+            found["load_error_bar"] = xr.DataArray(
+                bars, coords | {"component": list(WRENCH_COMPONENTS)}, ("macro_time", "body", "component"),
+                attrs={
+                    "units": "N, N m",
+                    "long_name": "standard deviation of the loads' error beside the flow, body axes",
+                    "comment": "nan outside the training range, where it was not measured",
+                },
+            )  # fmt: skip
+        if self.beyond is not None:
+            found["wide_range_share"] = xr.DataArray(
+                np.array(self._fallback), coords, ("macro_time", "body"),
+                attrs={"units": "1", "long_name": "share of the networks of a wider range, and what they rest on"},
+            )  # fmt: skip
         return found
 
-    def _error_bars(self, coords: dict[str, Any]) -> dict[str, xr.DataArray]:
-        """Return the standard deviation of the loads' error, where it was measured."""
-        if self._floor is None or self._water is None:
-            return {}
-        floor = self._water.density / TRAINED_DENSITY * self._load_factors * self._floor.along(self._usual)
-        bars = bars_of(np.array(self._spread), floor)
-        outside = np.array(self._excess).max(axis=-1) > OUTSIDE
-        bars[outside | (np.array(self._fallback) > 0.0)] = np.nan
-        found = xr.DataArray(
-            bars, coords | {"component": list(WRENCH_COMPONENTS)}, ("macro_time", "body", "component"),
-            attrs={
-                "units": "N, N m",
-                "long_name": "standard deviation of the loads' error beside the flow, body axes",
-                "comment": "nan outside the training range, where it was not measured",
-            },
+    def _recorded(self) -> _Recorded:
+        """Return what was recorded, of these networks and of those beyond their range together."""
+        spread, excess, share = (np.array(series) for series in (self._spread, self._excess, self._fallback))
+        bars = None
+        if self._floor is not None and self._water is not None:
+            floor = self._water.density / TRAINED_DENSITY * self._load_factors * self._floor
+            bars = bars_of(spread, floor)
+        if self.beyond is None:
+            return _Recorded(spread, excess, share, bars)
+        others, part = self.beyond._recorded(), share[..., None]
+        farther = (excess.max(axis=-1) > OUTSIDE)[..., None]
+        bars = None if bars is None or others.bars is None else (1.0 - part) * bars + part * others.bars
+        return _Recorded(
+            (1.0 - part) * spread + part * others.spread, np.where(farther, others.excess, excess),
+            share * others.fallback, bars,
         )  # fmt: skip
-        return {"load_error_bar": found}
+
+
+class _Recorded(NamedTuple):
+    """What is recorded in a run of n macro steps."""
+
+    spread: Array
+    """Shape (n, 5, 6)"""
+    excess: Array
+    """Shape (n, 5, 2)"""
+    fallback: Array
+    """Share of the coefficients, shape (n, 5)"""
+    bars: Array | None
+    """Error bars; None: they were never measured"""
+
+    @property
+    def outside(self) -> NDArray[np.bool_]:
+        """Where the state lies outside the training range."""
+        return np.asarray(self.excess.max(axis=-1) > OUTSIDE)
 
 
 def shipped_networks() -> list[Path]:
-    """Return the files of the shipped networks: for the amphibious vehicle, 20 to 90 % depth, up to 1.5 m/s."""
+    """Return the files of the shipped networks: for the amphibious vehicle, 40 to 60 % depth, 0 to 1 m/s ahead."""
     return sorted(WEIGHTS.glob("*.safetensors"))
 
 
 @njit(cache=True, error_model="numpy")
-def _fallback_share(excess: Array) -> Array:
-    """Return the share of the coefficients [-], shape (5,), for an excess of shape (5, 2)."""
+def _share_of_others(excess: Array, blend: tuple[float, float]) -> Array:
+    """Return the share of what takes over [-], shape (5,), for an excess of shape (5, 2)."""
     worst = np.maximum(excess[:, 0], excess[:, 1])
-    share = np.minimum(np.maximum((worst - BLEND[0]) / (BLEND[1] - BLEND[0]), 0.0), 1.0)
+    share = np.minimum(np.maximum((worst - blend[0]) / (blend[1] - blend[0]), 0.0), 1.0)
     return share * share * (3.0 - 2.0 * share)

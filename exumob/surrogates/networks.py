@@ -47,10 +47,12 @@ READS = (1, 2)
 READABLE = " and ".join(map(str, READS))
 WEIGHTS = PACKAGE / "surrogates" / "weights"
 """Folder of the networks that come with exumob."""
-NAMED = ("paper-lstm",)
+FULL_RANGE = "full-range"
+"""Name of the networks for 20 to 90 % depth and currents from all sides, an ensemble with its report card."""
+NAMED = ("paper-lstm", FULL_RANGE)
 """Networks that come with exumob and are asked for by name: the paper's LSTMs (Secs. 3 and 5), one seed, in half
-precision."""
-COME_WITH_IT = f"and {' and '.join(NAMED)} comes with exumob"
+precision; and `FULL_RANGE`."""
+COME_WITH_IT = f"and {' and '.join(NAMED)} come with exumob"
 TRAINED_DENSITY = 1000.0
 """Density of the water to which the wrenches in training are brought [kg/m^3]; they are proportional to it."""
 EDGE = 0.05

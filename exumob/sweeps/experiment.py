@@ -392,7 +392,7 @@ class Experiment(Declared):
             )
         if not 0 <= self.member < len(model.networks):
             raise ValueError(f"hydrodynamics.member = {self.member}: there are {len(model.networks)}, from 0 on.")
-        return SurrogateHydrodynamics(model.networks[self.member])
+        return model.member(self.member)
 
     def member_count(self) -> int:
         """Number of networks in the ensemble."""
@@ -406,7 +406,7 @@ class Experiment(Declared):
         used = self.hydrodynamics in ("auto", "networks") or bool(self.networks)
         fitted = self.hydrodynamics in ("auto", "networks", "calibrated")
         return {
-            "ensemble": " ".join(n.digest() for n in self._ensemble().networks) if used else "",
+            "ensemble": " ".join(n.digest() for n in self._ensemble().all_networks) if used else "",
             "wave_coefficients": fitted_coefficients().digest() if fitted else "",
         }
 

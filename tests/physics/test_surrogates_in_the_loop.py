@@ -15,7 +15,7 @@ from exumob.simulation.summary import summary
 from exumob.simulation.water_models import hydrodynamics_named
 from exumob.support.measured import measured_errors
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
-from exumob.surrogates.networks import NetworkSet
+from exumob.surrogates.networks import FULL_RANGE, NetworkSet
 from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.wave_loads import WaveCoefficients
@@ -79,7 +79,7 @@ def test_error_bars_are_spread_and_floor_where_they_were_measured(vehicle, sand)
     floor = 0.8 * np.array(measured_errors()["load_floor"]["networks"])
     bars = np.hypot(run["hydrodynamics_load_spread"], floor)
     np.testing.assert_allclose(run["hydrodynamics_load_error_bar"], bars)
-    beyond = Water(0.9 * vehicle.wheel.diameter, 1.5)
+    beyond = Water(1.3 * vehicle.wheel.diameter, 2.2)
     run = simulate(vehicle, sand, beyond, lane_change(), SurrogateHydrodynamics(), duration=0.1, **STEPS)
     taking_part = run["hydrodynamics_fallback_share"].values > 0.0
     assert taking_part.any() and np.isnan(run["hydrodynamics_load_error_bar"].values[taking_part]).all()
@@ -90,6 +90,41 @@ def test_error_bars_are_spread_and_floor_where_they_were_measured(vehicle, sand)
     assert outside.any() and np.isnan(alone["hydrodynamics_load_error_bar"].values[outside]).all()
     own = simulate(vehicle, sand, water, None, SurrogateHydrodynamics(residual(vehicle)), duration=0.04, **STEPS)
     assert "hydrodynamics_load_error_bar" not in own
+
+
+def test_beyond_lane_changes_networks_of_the_whole_range_take_over(vehicle, sand):
+    """Within the range of lane changes those for them alone, in a current from behind the others alone, bit for bit."""
+    ahead, behind = Water(0.5 * vehicle.wheel.diameter, 0.5), Water(0.6 * vehicle.wheel.diameter, 1.0, 0.0)
+    lanes, wide = SurrogateHydrodynamics(shipped_networks()), SurrogateHydrodynamics(FULL_RANGE)
+    assert lanes.beyond is None and wide.beyond is None
+    for water, other, share in ((ahead, lanes, 0.0), (behind, wide, 1.0)):
+        run, alone = (
+            simulate(vehicle, sand, water, None, model, duration=0.3, **STEPS)
+            for model in (SurrogateHydrodynamics(), other)
+        )
+        assert (run["hydrodynamics_wide_range_share"] == share).all() and "hydrodynamics_wide_range_share" not in alone
+        for name in (
+            "position",
+            *(f"hydrodynamics_{one}" for one in ("load_spread", "load_error_bar", "fallback_share")),
+        ):
+            np.testing.assert_array_equal(run[name], alone[name], err_msg=f"{name}, {water}")
+        assert not run["hydrodynamics_out_of_range"].any() and run["hydrodynamics_load_error_bar"].notnull().all()
+    near = simulate(vehicle, sand, Water(0.62 * vehicle.wheel.diameter, 0.9), None, duration=0.3, **STEPS)
+    between = near["hydrodynamics_wide_range_share"].values
+    assert ((between > 0.0) & (between < 1.0)).any() and not near["hydrodynamics_out_of_range"].any()
+
+
+def test_networks_beyond_need_a_fallback_and_go_with_their_members(vehicle):
+    with pytest.raises(ValueError, match="beyond has no effect with fallback = False"):
+        SurrogateHydrodynamics(shipped_networks(), fallback=False, beyond=FULL_RANGE)
+    assert SurrogateHydrodynamics(fallback=False).beyond is None
+    model = SurrogateHydrodynamics()
+    third = model.member(2)
+    assert [len(third.networks), len(third.beyond.networks)] == [1, 1]
+    assert third.beyond.networks[0].digest() == model.beyond.networks[2].digest()
+    assert model.parameters["beyond"] == model.beyond.parameters and len(model.all_networks) == 10
+    own = SurrogateHydrodynamics(shipped_networks()[:2], beyond=shipped_networks()[2:3])
+    assert own.member(1).beyond.networks[0].digest() == own.beyond.networks[0].digest()
 
 
 def test_members_give_error_bars_on_the_path(vehicle, sand):
@@ -123,16 +158,17 @@ def test_out_of_range_is_reported_and_falls_back(vehicle, sand):
     assert summary(run)["out_of_range_share"] > 0.3
 
 
-def test_saved_and_restored(vehicle, sand, tmp_path):
-    """A run stopped and resumed has the bits of the single run, whatever its networks remember."""
+@pytest.mark.parametrize("shipped", [False, True])
+def test_saved_and_restored(vehicle, sand, tmp_path, shipped):
+    """A run stopped and resumed has the bits of the single run, whatever its networks, and those beyond, remember."""
+    water = Water(0.14, 0.9) if shipped else HEAD_CURRENT
     rich = made_up(replace(SMALL, base="coefficients"), vehicle)
     late = made_up(replace(SMALL, base="coefficients", taps=1, layer="dense", filters=(0.1, 2.5)), vehicle)
 
     def run(duration, **more):
-        return simulate(
-            vehicle, sand, HEAD_CURRENT, lane_change(), SurrogateHydrodynamics([rich, residual(vehicle), late]),
-            duration=duration, **STEPS, **more,
-        )  # fmt: skip
+        model = SurrogateHydrodynamics([rich, residual(vehicle), late])
+        model = SurrogateHydrodynamics() if shipped else model
+        return simulate(vehicle, sand, water, lane_change(), model, duration=duration, **STEPS, **more)
 
     single = run(0.6)
     stopped = []

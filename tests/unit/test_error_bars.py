@@ -6,7 +6,7 @@ from made_up_networks import SMALL, made_up
 
 from exumob.learning.error_bars import error_bars, fitted_floor, share_within
 from exumob.support.measured import measured_errors
-from exumob.surrogates.error_floor import error_floor
+from exumob.surrogates.ensemble import load_floor
 from exumob.surrogates.model import shipped_networks
 from exumob.surrogates.networks import NetworkSet, network_file
 from vehicle_models.amphibious import amphibious_vehicle
@@ -57,28 +57,7 @@ def test_a_single_run_is_judged_by_itself():
 
 def test_networks_that_come_with_exumob_have_a_floor_together():
     members = [NetworkSet.load(file) for file in shipped_networks()]
-    found = error_floor(members)
-    assert found.usual == pytest.approx(np.array(measured_errors()["load_floor"]["networks"]))
-    assert error_floor(members[:2]) is None  # it is that of all of them
-    assert error_floor([NetworkSet.load(network_file("paper-lstm"))]).beyond is None
-    assert error_floor([made_up(SMALL, amphibious_vehicle())]) is None
-
-
-@pytest.mark.parametrize(
-    ("inputs", "usual"),
-    [
-        ((0.12, 1.0, 0.3, 0.5), True),
-        ((0.08, 0.0, 3.0, 0.0), True),  # still water has no direction
-        ((0.13, 1.0, 0.0, 0.5), False),
-        ((0.12, 1.2, 0.0, 0.5), False),
-        ((0.12, 0.5, 1.5, 0.5), False),
-        ((0.12, 0.5, 0.0, -0.4), False),
-    ],
-)
-def test_bars_are_wider_beyond_the_lane_changes(inputs, usual):
-    """Depth, current, its side, and reversing: where the default networks were measured on other drives."""
-    found = error_floor([NetworkSet.load(file) for file in shipped_networks()])
-    assert found.is_usual(np.array(inputs)) is usual
-    along = found.along([True, False])
-    assert along.shape == (2, 5, 6) and np.array_equal(along[0], found.usual) and np.array_equal(along[1], found.beyond)
-    assert found.beyond.mean() > 2.0 * found.usual.mean()
+    assert load_floor(members) == pytest.approx(np.array(measured_errors()["load_floor"]["networks"]))
+    assert load_floor(members[:2]) is None  # it is that of all of them
+    assert load_floor([NetworkSet.load(network_file("paper-lstm"))]) is not None
+    assert load_floor([made_up(SMALL, amphibious_vehicle())]) is None

@@ -38,6 +38,8 @@ from exumob.water.hydrodynamics import Hydrodynamics
 
 OUTSIDE_RANGE = "outside the networks' training range for"
 """Quantity of runs that left the range of their networks."""
+OF_WATER = (OUTSIDE_RANGE, "depth ratio", "current", "current turned from ahead by")
+"""Quantities of the water, and whether networks know it."""
 LEVEL_DIFFERENCE = 1e-3
 """Difference of the water's level over half the hull's length from which it is named [m]."""
 CURRENT_DIFFERENCE = 0.01

@@ -20,6 +20,7 @@ from exumob.simulation.description import RunDescription
 from exumob.simulation.over_water import WaterMet
 from exumob.simulation.settings import time_scale
 from exumob.simulation.trust.departures import (
+    OF_WATER,
     OUTSIDE_RANGE,
     Departure,
     departures_by_froude,
@@ -31,7 +32,6 @@ from exumob.simulation.trust.error_budget import Part, error_parts, flow_parts
 from exumob.simulation.trust.measured_runs import (
     cards_of,
     elsewhere_off,
-    fitted_off,
     is_measured_vehicle,
     is_straight,
     measured_vehicle,
@@ -43,7 +43,7 @@ from exumob.simulation.trust.measured_runs import (
 )
 from exumob.simulation.trust.soil_line import soil_line
 from exumob.support.measured import flow_load_error, measured_errors
-from exumob.support.wording import percent
+from exumob.support.wording import percent, percents
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.vehicle_shape import times_as_large
 from exumob.vehicle.parameters import Vehicle
@@ -152,11 +152,21 @@ _Case = tuple[RunDescription, float | None, float | None, WaterMet | None]
 
 
 def _together(cases: Sequence[_Case]) -> Trust:
-    """Judge by the measured runs from which these differ least."""
+    """Judge by the measured runs from which these differ least, first of all in the water.
+
+    What lies as far beyond several sets of them in the water is judged by the last, which reaches farthest.
+    """
     model = cases[0][0].hydrodynamics
     cards = cards_of(model) if isinstance(model, SurrogateHydrodynamics) else [None]
     found = [_judged(cases, card) for card in cards]
-    return min(found, key=lambda trust: len(trust.departures))  # the first of those that are alike
+    if found[0].status == "not validated":
+        found = [one for one in found if one.status == "not validated"]
+
+    def differences(place: int) -> tuple[int, int, int]:
+        water = sum(one.quantity in OF_WATER for one in found[place].departures)
+        return water, -place if water else 0, len(found[place].departures)
+
+    return found[min(range(len(found)), key=differences)]
 
 
 def _judged(cases: Sequence[_Case], card: Mapping[str, Any] | None) -> Trust:
@@ -195,8 +205,7 @@ def _judged(cases: Sequence[_Case], card: Mapping[str, Any] | None) -> Trust:
         advice = "The spread here is not known; repeat one run on finer cells."
     shares = [(outside, share) for _, outside, share, _ in cases if outside is not None and share is not None]
     if len(shares) == 1 and any(d.quantity == OUTSIDE_RANGE for d in departures):
-        own = isinstance(model, SurrogateHydrodynamics) and shipped_name(model) == "networks"
-        advice = f"{_what_to_believe(*shares[0], own)} {advice}"
+        advice = f"{_what_to_believe(*shares[0], card)} {advice}"
     return replace(trust, status="beyond", departures=tuple(departures), advice=advice)
 
 
@@ -303,7 +312,7 @@ def _cheap(run: RunDescription, soil: str, water: Water, card: Mapping[str, Any]
 def _learnt(model: SurrogateHydrodynamics, card: Mapping[str, Any], vehicle: Vehicle, soil: str) -> Trust:
     """Networks that carry a report card (`exumob learn`), as if the run were like those of the card."""
     shipped = shipped_name(model)
-    label = "networks" if shipped is None else f"networks ({shipped})"
+    label = "networks" if shipped in (None, "networks") else f"networks ({shipped})"
     ends = [abs(float(one["end"])) for one in card["drives"]]
     drives = (
         f"{len(ends)} drive{'s' if len(ends) > 1 else ''} kept apart ended {percent(float(np.mean(ends)))} of the "
@@ -338,12 +347,16 @@ def _learnt(model: SurrogateHydrodynamics, card: Mapping[str, Any], vehicle: Veh
     return Trust(label, "measured", error, soil, (), mean, worst, parts=error_parts(model, mean, worst, card=card))
 
 
-def _what_to_believe(out_of_range: float, fallback: float, shipped: bool) -> str:
+def _what_to_believe(out_of_range: float, fallback: float, card: Mapping[str, Any] | None) -> str:
     """Say what to make of a run that was outside the networks' training range for a part of the time."""
     if fallback < 0.005:
         return (
             "It left the range so little that the networks answered alone, extrapolating by less than a tenth of it: "
             "expect more than the measured error."
         )
-    alone = f"; alone, in what was measured, they ended {fitted_off()}" if shipped else ""
+    drives = [] if card is None else [one.get("coefficients_end") for one in card["drives"]]
+    ends = [float(end) for end in drives if isinstance(end, int | float)]
+    alone = (
+        f"; alone, in what was measured, they ended {percents(min(ends), max(ends))} of the path away" if ends else ""
+    )
     return f"The coefficients that they rest on gave {100.0 * fallback:.0f} % of the loads{alone}. Expect more."

@@ -60,13 +60,14 @@ def digests_of(name: str) -> set[str]:
 
 
 def cards_of(model: SurrogateHydrodynamics) -> list[Mapping[str, Any] | None]:
-    """What was measured of networks: their own card, or those of networks that come with exumob; None: the table's rows.
+    """What was measured of networks: their cards; None stands for the rows of the table.
 
-    The default networks have both: lane changes like the paper's, in the rows, and drives over the whole range.
+    The default networks have both: lane changes like the paper's in the rows, and beyond the range of these the card of
+    the networks that take over there.
     """
-    if (own := card_of(model.networks, some=True)) is not None:
-        return [own]
-    return [None, measured_errors()["full_range"]] if shipped_name(model) == "networks" else [None]
+    own = card_of(model.networks, some=True)
+    beyond = None if model.beyond is None else card_of(model.beyond.networks)
+    return [own] if beyond is None else [own, beyond]
 
 
 @functools.cache
@@ -74,13 +75,6 @@ def waves_of_networks() -> str | None:
     """Digest of the coefficients that the default networks rest on: the table holds their errors, too."""
     waves = SurrogateHydrodynamics().waves
     return None if waves is None else waves.digest()
-
-
-def fitted_off() -> str:
-    """Say how far runs with the coefficients that the networks rest on ended from those with the flow in the loop."""
-    rows = [row["fitted"] for row in measured_errors()["runs"]]
-    amount = percents(min(row["end"] for row in rows), max(row["end"] for row in rows))
-    return f"{amount} of the path away{whither([row['forward'] for row in rows])}"
 
 
 def elsewhere_off(name: str) -> str:
