@@ -1,13 +1,13 @@
 """How well do the networks that come with exumob know the whole range: 20 to 90 % depth, currents from all sides?
 
-Beyond the range of nine lane changes, which taught the first five of them (`data/cfd_mbd`, 18 mm cells), five others
-take over. Those learned from these runs and from the 21 of `data/full_range` that teach: drives over three soils and
-captive runs that `exumob learn` planned and made for the paper's vehicle, on cells of 22 mm. Here they are compared with
-the coefficients that they rest on and with the calibrated ones, on the five drives that were kept apart, and each seed
-by itself on the drives that it kept for validation. Then they are asked how much of a map they know: straight ahead
-over all published soils, in several depths, currents and directions.
+Beyond the range of nine lane changes, which taught the first of them (`data/cfd_mbd`), others take over. These learned
+from the 21 runs of `data/full_range` that teach: drives over three soils and captive runs that `exumob learn` planned
+and made for the paper's vehicle, on cells of 22 mm. Here they are compared with the coefficients that they rest on and
+with the calibrated ones, on the five drives that were kept apart, and each seed by itself on the drives that it kept
+for validation. Then they are asked how much of a map they know: straight ahead over all published soils, in several
+depths, currents and directions.
 
-First: exumob train --preset balanced --data data/cfd_mbd --data data/full_range/runs --output networks
+First: exumob train --preset balanced --data data/full_range/runs --output networks
 Run: python studies/full_range.py --networks networks [--jobs 2]     (a quarter of an hour; without --networks those
      that come with exumob stay)
 """
@@ -25,7 +25,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
-from common import CFD_RUNS, FULL_RANGE_RUNS, full_range_plan, save, study_parser
+from common import FULL_RANGE_RUNS, full_range_plan, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob import Soil, simulate
@@ -37,7 +37,6 @@ from exumob.learning.plan import FreeTask
 from exumob.learning.presets import BEST
 from exumob.learning.validation import card_figures, compare_drives, compare_loads, load_errors
 from exumob.mobility.crossing import Limits
-from exumob.paper.scenarios import TRAINING
 from exumob.support.errors import SimulationError
 from exumob.support.figures import STYLE
 from exumob.surrogates.ensemble import save_ensemble
@@ -67,8 +66,7 @@ def ship(folder: Path) -> None:
     save_ensemble(members, network_file(FULL_RANGE))  # lines of trust of the drives look there
     plan, runs = full_range_plan(), load_runs(FULL_RANGE_RUNS.glob("runs/*.nc"))
     apart = {name: run for name, run in runs.items() if run.attrs["role"] == "apart"}
-    nine = load_runs(CFD_RUNS / f"{scenario.file_stem}.nc" for scenario in TRAINING)
-    taught = {name: run for name, run in runs.items() if name not in apart} | nine
+    taught = {name: run for name, run in runs.items() if name not in apart}
     errors = load_errors({n: compare_loads(members, run, plan.vehicle) for n, run in apart.items()}, plan.vehicle)
     drives = compare_drives(members, plan, apart)
     card = card_figures(plan, members, errors, drives, taught, apart)

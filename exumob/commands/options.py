@@ -127,7 +127,8 @@ Networks = Annotated[
     option(
         WATER,
         "File of networks that `exumob train` or `learn` wrote; several, each after a --networks of its own, are an "
-        "ensemble. paper-lstm: the paper's, which come with exumob. Default: the ensemble that comes with it. With the "
+        "ensemble. With exumob come paper-lstm, the paper's, and full-range, for 20 to 90 % depth. Default: those for "
+        "lane changes, and full-range beyond their range. With the "
         "model calibrated: the coefficients that were fitted to the runs of these networks.",
     ),
 ]

@@ -219,8 +219,12 @@ class SurrogateHydrodynamics:
         self._last_learnt = learnt
         if self.beyond is not None:
             share = _share_of_others(excess, HANDOVER)
-            others = self.beyond.wrenches(history, predict)
-            wrenches = (1.0 - share)[:, None] * (learnt if base is None else base + learnt) + share[:, None] * others
+            wrenches = learnt if base is None else base + learnt
+            if share.any():
+                others = self.beyond.wrenches(history, predict)
+                wrenches = (1.0 - share)[:, None] * wrenches + share[:, None] * others
+            else:
+                self.beyond.remember(history, predict)
         else:
             share = _share_of_others(excess, BLEND) if self.fallback else np.zeros(5)
             wrenches = learnt if base is None else base + (1.0 - share)[:, None] * learnt
@@ -229,6 +233,23 @@ class SurrogateHydrodynamics:
         self._excess.append(excess)
         self._fallback.append(share)
         return wrenches
+
+    def remember(self, history: BodyStates, predict: Callable[[], BodyStates]) -> None:
+        """Take note of a macro step for which nobody asks: only what later answers depend on."""
+        if self._water is None:
+            return
+        if self._coefficients is not None:
+            self._coefficients.wrenches(history, predict)
+        for (networks, _), memory, factors in zip(self._groups, self._memories, self._factors, strict=True):
+            if networks.architecture.filters:
+                now, still = np.array([len(history) - 1]), len(history) == 1
+                inputs = network_inputs(history, self._around, networks.architecture.inputs, now, still=still)[0]
+                memory.filtered(float(history.time[-1]), inputs * factors, still)
+        self._last_learnt = None
+        self._times.append(float(history.time[-1]))
+        self._spread.append(np.zeros((5, 6)))
+        self._excess.append(np.zeros((5, 2)))
+        self._fallback.append(np.zeros(5))
 
     def _answers(self, history: BodyStates, water: Water, base: Array | None) -> tuple[Array, Array]:
         """Ask all members.
