@@ -29,7 +29,7 @@ from exumob.simulation.result_files import save_dataset
 from exumob.support.figures import STYLE
 from exumob.surrogates.ensemble import bars_of, load_floor
 from exumob.surrogates.model import SurrogateHydrodynamics
-from exumob.surrogates.networks import NAMED
+from exumob.surrogates.networks import PAPER
 from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
@@ -37,7 +37,7 @@ from exumob.water.hydrodynamics import Hydrodynamics
 from vehicle_models.amphibious import amphibious_vehicle
 
 FOLDER = CFD_RUNS / "drawn"
-MODELS = ("networks", *NAMED, "fitted coefficients", "calibrated", "published coefficients")
+MODELS = ("networks", PAPER, "fitted coefficients", "calibrated", "published coefficients")
 MEASURES = {"path": "%", "final": "%", "yaw": "deg", "lateral_velocity": "m s-1"}
 """Of `exumob.learning.evaluation.closed_loop`."""
 DEVIATIONS = (1.0, 2.0, 3.0)
@@ -61,7 +61,7 @@ def flow_runs(scenarios: Sequence[Scenario], jobs: int) -> dict[str, xr.Dataset]
 def models() -> dict[str, Hydrodynamics]:
     """Models that are compared, by name."""
     ensemble = SurrogateHydrodynamics()
-    found: dict[str, Hydrodynamics] = {"networks": ensemble, **{name: SurrogateHydrodynamics(name) for name in NAMED}}
+    found: dict[str, Hydrodynamics] = {"networks": ensemble, PAPER: SurrogateHydrodynamics(PAPER)}
     return found | {
         "fitted coefficients": CalibratedHydrodynamics(waves=ensemble.waves), "calibrated": CalibratedHydrodynamics(),
         "published coefficients": CoefficientHydrodynamics(),

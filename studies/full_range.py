@@ -34,7 +34,7 @@ from exumob.learning.dataset import load_run, load_runs
 from exumob.learning.drives import maneuver_name
 from exumob.learning.evaluation import closed_loop
 from exumob.learning.plan import FreeTask
-from exumob.learning.presets import BEST
+from exumob.learning.presets import WHOLE_RANGE
 from exumob.learning.validation import card_figures, compare_drives, compare_loads, load_errors
 from exumob.mobility.crossing import Limits
 from exumob.support.errors import SimulationError
@@ -60,9 +60,9 @@ STRAIGHT, WINDOW = 3.0, 1.5
 
 def ship(folder: Path) -> None:
     """Write networks of `exumob train`, with their report card, as those that come with exumob for the whole range."""
-    members = [NetworkSet.load(file) for file in sorted(folder.glob(f"{BEST}_seed*.safetensors"))]
+    members = [NetworkSet.load(file) for file in sorted(folder.glob(f"{WHOLE_RANGE}_seed*.safetensors"))]
     if not members:
-        raise ValueError(f"--networks {folder} holds no networks of {BEST}; first: exumob train, as above.")
+        raise ValueError(f"--networks {folder} holds no networks of {WHOLE_RANGE}; first: exumob train, as above.")
     save_ensemble(members, network_file(FULL_RANGE))  # lines of trust of the drives look there
     plan, runs = full_range_plan(), load_runs(FULL_RANGE_RUNS.glob("runs/*.nc"))
     apart = {name: run for name, run in runs.items() if run.attrs["role"] == "apart"}

@@ -1,7 +1,7 @@
 """How far off is each model of the water? The figures that every result states in its line of trust.
 
 The thirteen lane changes with the flow in the loop (`data/cfd_mbd`) are driven anew with the networks that come with
-exumob, the default ensemble and the paper's, with the coefficients that the ensemble rests on ("fitted"), the
+exumob, the default ensemble and those with a name, with the coefficients that the ensemble rests on ("fitted"), the
 calibrated and the published ones, at the steps that are the default, and the vehicle goes straight ahead in the same
 water. What is found is written to `exumob/support/measured_errors.json`, which `exumob.simulation.trust` reads, with
 what other studies measured: how far runs with the flow in the loop repeat (`cfd_lane_change.nc`), its loads beside

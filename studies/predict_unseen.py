@@ -19,8 +19,7 @@ from matplotlib.figure import Figure
 
 from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import compare
-from exumob.learning.presets import PRESETS
-from exumob.learning.report import ENSEMBLE, by_scenario, load_models, markdown, plot_paths
+from exumob.learning.report import ENSEMBLE, OF_LANE_CHANGES, by_scenario, load_models, markdown, plot_paths
 from exumob.paper.scenarios import UNSEEN
 from exumob.support.figures import STYLE
 from exumob.support.smoothing import smoothed
@@ -74,7 +73,7 @@ def main(quick: bool = False, networks: Path = Path("networks")) -> xr.Dataset:
     files = [CFD_RUNS / f"{scenario.file_stem}.nc" for scenario in UNSEEN if scenario.name in names]
     runs_by_name = load_runs(files)
     references = {name: runs_by_name[name] for name in names}
-    chosen = load_models(networks, () if quick else tuple(PRESETS))
+    chosen = load_models(networks, () if quick else OF_LANE_CHANGES)
     if quick:
         chosen = {ENSEMBLE: chosen[ENSEMBLE]}
     table, runs = compare(chosen, references, amphibious_vehicle(), progress=None if quick else print)

@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 
 from exumob.learning.dataset import load_runs
 from exumob.learning.evaluation import compare
-from exumob.learning.presets import LANE_CHANGES, PRESETS
-from exumob.learning.report import ENSEMBLE, by_scenario, load_models, markdown, plot_paths
+from exumob.learning.presets import LANE_CHANGES
+from exumob.learning.report import ENSEMBLE, OF_LANE_CHANGES, by_scenario, load_models, markdown, plot_paths
 from exumob.paper.scenarios import TRAINING, UNSEEN
 from exumob.support.figures import STYLE
 from exumob.surrogates.model import SurrogateHydrodynamics
@@ -42,7 +42,7 @@ def plan() -> Figure:
 def validation(folder: Path, references: dict[str, xr.Dataset]) -> xr.Dataset:
     """Drive with every preset, each seed on its own validation run; all of them make one scenario, ``held back``."""
     tables = []
-    for preset in PRESETS:
+    for preset in OF_LANE_CHANGES:
         rows = []
         for n, file in enumerate(sorted(folder.glob(f"{preset}_seed*.safetensors"))):
             member = SurrogateHydrodynamics(file)

@@ -72,7 +72,7 @@ def learn_command(  # one argument an option of the command line
     ] = None,
     preset: Annotated[
         str | None,
-        option(EXPERT, "What to train, by name (`exumob train`). Default: as the networks that come with exumob."),
+        option(EXPERT, "What to train, by name (`exumob train`). Default: as full-range, which comes with exumob."),
     ] = None,
     seeds: Annotated[int, option(EXPERT, "Networks of each body; their spread is the error bar.")] = 5,
     run_time: Annotated[
@@ -111,7 +111,7 @@ def learn_command(  # one argument an option of the command line
             side_by_side = working_ranks()
         if output is None and not plan:
             raise ValueError("--output is missing; give the folder for runs and networks, or --plan to see the plan.")
-        from exumob.learning.presets import BEST, PRESETS
+        from exumob.learning.presets import PRESETS, WHOLE_RANGE
 
         if preset is not None and preset not in PRESETS:
             raise ValueError(f"--preset {shown(preset)} is not known; use {', '.join(PRESETS)}.")
@@ -138,7 +138,7 @@ def learn_command(  # one argument an option of the command line
         if folder is not None:
             keep_envelope(envelope, car, wanted, folder.path)
         with option_names():
-            chosen = PRESETS[BEST if preset is None else preset]
+            chosen = PRESETS[WHOLE_RANGE if preset is None else preset]
             made = make_plan(car, wanted, budget, size, envelope, seeds=seeds, preset=chosen, run_time=run_time)
         for line in made.lines(side_by_side):
             console.print(line, soft_wrap=True)

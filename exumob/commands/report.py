@@ -135,9 +135,11 @@ def _range_lines(figures: dict[str, Any]) -> dict[str, str]:
     """Say how long the vehicle was outside the networks' training range."""
     if "out_of_range_share" not in figures:
         return {}
+    wide = figures.get("wide_range_share", 0.0)
     return {
         "training range": f"left for {100 * figures['out_of_range_share']:.1f} % of the time; coefficients' "
         f"share of the loads {100 * figures['fallback_share']:.1f} %"
+        + (f", that of the networks for the whole range {100 * wide:.1f} %" if wide > 0.0005 else "")
     }
 
 

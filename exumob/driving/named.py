@@ -29,6 +29,16 @@ def maneuver_named(name: str) -> Maneuver:
     return MANEUVERS[name]
 
 
+def driven(maneuver: Maneuver) -> tuple[float, float]:
+    """Return the largest steering [rad] and the wheels' speed [rad/s] of a lane change, a circle or a straight run.
+
+    Both are nan of any other maneuver.
+    """
+    if isinstance(maneuver, LaneChange):
+        return abs(maneuver.amplitude), maneuver.speed
+    return (abs(maneuver.angle), maneuver.speed) if isinstance(maneuver, ConstantSteer) else (math.nan, math.nan)
+
+
 def maneuver_for(maneuver: Maneuver, before: Vehicle, vehicle: Vehicle) -> Maneuver:
     """Return the maneuver of one vehicle as another drives it by Froude's law.
 

@@ -13,7 +13,7 @@ from exumob.vehicle.motion import BODIES
 
 
 def plot_learning_curves(networks: Sequence[NetworkSet]) -> Figure:
-    """Draw the error of the scaled loads over the epochs: training runs (dashed) and validation run (solid)."""
+    """Draw the error of the scaled loads over the epochs: training runs (dashed) and validation runs (solid)."""
     figure, rows = plt.subplots(1, len(BODIES), figsize=(13.0, 2.9), sharey=True, layout="constrained")
     for body, (axes, name) in enumerate(zip(rows, BODIES, strict=True)):
         for n, network in enumerate(networks):

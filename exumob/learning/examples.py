@@ -1,7 +1,7 @@
 """Examples to learn from: inputs and loads of the five bodies along the runs, split by run, with their scalers.
 
 What the paper leaves open: inputs and loads are scaled to zero mean and unit deviation over the training examples, and
-every seed keeps other runs for validation, a tenth of those there are (`validation_runs`).
+every seed keeps some runs for validation, a tenth of those there are (`validation_runs`).
 """
 
 from __future__ import annotations

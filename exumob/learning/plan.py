@@ -28,7 +28,7 @@ from exumob.flow.resolution import lengths_in_cells
 from exumob.flow.vehicle_window import vehicle_window
 from exumob.learning.cost import seed_time
 from exumob.learning.drives import FASTEST, SOILS, judging_drives, maneuver_name, teaching_drive
-from exumob.learning.presets import BEST, PRESETS, Preset
+from exumob.learning.presets import PRESETS, WHOLE_RANGE, Preset
 from exumob.paper.reference_runs import SOIL
 from exumob.simulation.cost import REPEATED, driving_time
 from exumob.simulation.settings import time_scale, usual_speed
@@ -297,7 +297,7 @@ def make_plan(  # each argument is a choice of its own
     envelope: Envelope,
     *,
     seeds: Annotated[int, Quantity("1", at_least=1, at_most=1000)] = 5,
-    preset: Preset = PRESETS[BEST],
+    preset: Preset = PRESETS[WHOLE_RANGE],
     run_time: Annotated[float | None, Quantity("s", at_least=0.05, at_most=1e4)] = None,
 ) -> LearningPlan:
     """Plan the runs that a budget buys.
@@ -315,7 +315,7 @@ def make_plan(  # each argument is a choice of its own
     seeds : int
         Networks of each body.
     preset : Preset
-        What is trained. Default: as the networks that come with exumob.
+        What is trained. Default: as the networks for the whole range that come with exumob.
     run_time : float, optional
         Duration of a run that teaches [s]. Default: `RUN_TIME` times `time_scale`; drives kept apart in proportion.
 

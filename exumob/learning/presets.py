@@ -50,6 +50,8 @@ class Preset(Declared):
     """Ridge penalty on the polynomial's coefficients, over the number of examples [-]"""
 
     def _check(self) -> None:
+        if self.equal_runs and self.architecture.layer == "polynomial":
+            raise ValueError("Preset.equal_runs has no effect on a polynomial, which is fitted at once; leave it out.")
         if not self.name.replace("-", "").replace("_", "").isalnum():
             raise ValueError(f"Preset.name = {self.name!r} names files; use letters, digits, - and _ alone.")
 
@@ -81,6 +83,6 @@ PRESETS["balanced"] = replace(PRESETS["memory"], name="balanced", equal_runs=Tru
 LANE_CHANGES = "memory"
 """Preset of the networks for lane changes that come with exumob, chosen by closed-loop error on the validation runs:
 0.43 % of the path (``residual``, the same without filtered inputs: 0.53 %)."""
-BEST = "balanced"
+WHOLE_RANGE = "balanced"
 """Preset of the networks for the whole range, and of `exumob learn`. Its weights of runs were chosen with a quarter of
 the runs over the whole range left out at a time: the load error of single networks falls from 0.53 to 0.49."""

@@ -10,16 +10,18 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from exumob.learning.presets import LANE_CHANGES, PRESETS
+from exumob.learning.presets import LANE_CHANGES, PRESETS, WHOLE_RANGE
 from exumob.support.arrays import Array
 from exumob.support.figures import STYLE
-from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
 from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.hydrodynamics import Hydrodynamics
 
 ENSEMBLE = f"{LANE_CHANGES}, ensemble"
-"""The networks that come with exumob, all together."""
+"""The networks for lane changes that come with exumob, all together."""
+OF_LANE_CHANGES = tuple(name for name in PRESETS if name != WHOLE_RANGE)
+"""Presets that are compared on the runs of the paper's range."""
 PUBLISHED = "published coefficients"
 """`CoefficientHydrodynamics`, none of whose coefficients is fitted to the runs."""
 FITTED = "fitted coefficients"
@@ -28,7 +30,7 @@ MEASURES = (("path", 1.0, "%"), ("final", 1.0, "%"), ("yaw", 1.0, "deg"), ("late
 """Columns of a table: measure, factor, unit."""
 
 
-def load_models(folder: Path, presets: Sequence[str] = tuple(PRESETS)) -> dict[str, list[Hydrodynamics]]:
+def load_models(folder: Path, presets: Sequence[str] = OF_LANE_CHANGES) -> dict[str, list[Hydrodynamics]]:
     """Load the members of each model: coefficients, networks trained into a folder, shipped ensemble.
 
     Parameters
@@ -48,7 +50,7 @@ def load_models(folder: Path, presets: Sequence[str] = tuple(PRESETS)) -> dict[s
     ValueError
         If the folder holds no networks of a preset.
     """
-    shipped = SurrogateHydrodynamics()
+    shipped = SurrogateHydrodynamics(shipped_networks())
     found: dict[str, list[Hydrodynamics]] = {
         PUBLISHED: [CoefficientHydrodynamics()], FITTED: [CalibratedHydrodynamics(waves=shipped.waves)]
     }  # fmt: skip

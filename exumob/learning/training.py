@@ -1,6 +1,6 @@
 """Training of whole ensembles: every body with every preset and seed, side by side, resumable.
 
-Every seed keeps other runs for validation (`exumob.learning.examples.validation_runs`). The networks of five seeds thus
+Every seed keeps some runs for validation (`exumob.learning.examples.validation_runs`). The networks of five seeds thus
 differ in their start and in their data, and their spread is that of a cross-validation.
 """
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from exumob.driving.named import driven
 from exumob.ground.soil import Soil
 from exumob.learning.dataset import base_loads, least_loads, usable, water_of
 from exumob.learning.drives import maneuver_name
@@ -142,6 +143,10 @@ class Drive:
     """[m/s]"""
     duration: float
     """[s]"""
+    steering: float
+    """Largest steering [rad]"""
+    wheel_speed: float
+    """[rad/s]"""
     networks: dict[str, float] | None
     """Measures of `exumob.learning.evaluation.closed_loop`; None: it broke down"""
     coefficients: dict[str, float] | None
@@ -199,7 +204,7 @@ def _drive(members: Sequence[NetworkSet], task: FreeTask, vehicle: Vehicle, refe
             shares = range_shares(run)
     return Drive(
         task.name, maneuver_name(task.maneuver), task.soil, task.water.uniform_depth / vehicle.wheel.diameter,
-        task.water.current_speed, task.duration, measures["networks"], measures["coefficients"],
+        task.water.current_speed, task.duration, *driven(task.maneuver), measures["networks"], measures["coefficients"],
         measures.get("calibrated"), shares.get("out_of_range_share", math.nan),
         shares.get("fallback_share", math.nan), paths,
     )  # fmt: skip
@@ -280,6 +285,7 @@ def card_figures(
             "coefficients_end": one.coefficients["final"] / 100.0 if one.coefficients else None,
             "calibrated_end": one.calibrated["final"] / 100.0 if one.calibrated else None,
             "depth_ratio": one.depth_ratio, "current_speed": one.current, "duration": one.duration,
+            "steering": one.steering, "wheel_speed": one.wheel_speed,
             "outside": one.outside, "fallback": one.fallback,
         }
         for one in drives if one.networks is not None

@@ -222,7 +222,8 @@ def _trust(run: RunDescription, dataset: xr.Dataset, states: BodyStates) -> dict
     """Line of trust of a run, with what it met of the water."""
     shares = range_shares(dataset)
     found = trust_of(
-        run, shares.get("out_of_range_share"), shares.get("fallback_share"), water_met(run, states)
+        run, shares.get("out_of_range_share"), shares.get("fallback_share"), water_met(run, states),
+        shares.get("wide_range_share"),
     )  # fmt: skip
     return found.attributes()
 

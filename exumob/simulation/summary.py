@@ -31,6 +31,7 @@ FIGURES: dict[str, tuple[str, str]] = {
     "real_time_factor": ("1", "simulated over wall time"),
     "out_of_range_share": ("1", "share of the time in which some body was outside the training range"),
     "fallback_share": ("1", "share of the calibrated coefficients in the loads, mean over time and bodies"),
+    "wide_range_share": ("1", "share of the networks for the whole range in the loads, mean over time and bodies"),
     "members": ("1", "members of the ensemble that arrived"),
     "forward_spread": ("m", "standard deviation of the members' final places along world x"),
     "lateral_spread": ("m", "standard deviation of the members' final places along world y"),
@@ -58,6 +59,7 @@ def summary(dataset: xr.Dataset) -> dict[str, Any]:
         - wall_time [s]; real_time_factor [-]: simulated over wall time;
         - with networks: out_of_range_share [-], the part of the time in which some body was outside the training
           range; fallback_share [-], the share of the calibrated coefficients in the loads, mean over time and bodies;
+          with the default networks wide_range_share [-], that of those for the whole range;
         - with members (`exumob.simulation.ensemble.add_members`): members [-], those that arrived; forward_spread,
           lateral_spread [m] and yaw_spread [rad], standard deviations of their final positions and headings.
 
@@ -126,13 +128,17 @@ def _along(way: Array, heading: float) -> tuple[float, float]:
 
 
 def range_shares(dataset: xr.Dataset) -> dict[str, float]:
-    """Return ``out_of_range_share`` and ``fallback_share`` of a run with networks (see `summary`); else nothing."""
+    """Return shares of a run with networks, else nothing (see `summary`)."""
     if "hydrodynamics_out_of_range" not in dataset:
         return {}
     return {
         "out_of_range_share": float(dataset["hydrodynamics_out_of_range"].any("body").mean()),
         "fallback_share": float(dataset["hydrodynamics_fallback_share"].mean()),
-    }
+    } | (
+        {"wide_range_share": float(dataset["hydrodynamics_wide_range_share"].mean())}
+        if "hydrodynamics_wide_range_share" in dataset
+        else {}
+    )
 
 
 def _member_spreads(dataset: xr.Dataset) -> dict[str, float]:

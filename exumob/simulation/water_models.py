@@ -57,8 +57,9 @@ def hydrodynamics_named(
     water : Water or None
         None: dry ground.
     networks : sequence of NetworkSet or path, optional
-        Members of the ensemble, or files of one or several (`exumob.surrogates.ensemble`); ``"paper-lstm"`` stands for
-        the paper's (`exumob.surrogates.networks.NAMED`). Default: the ensemble that comes with exumob.
+        Members of the ensemble, or files of one or several (`exumob.surrogates.ensemble`); ``"paper-lstm"`` and
+        ``"full-range"`` come with exumob (`exumob.surrogates.networks.NAMED`). Default: those for lane changes, and
+        ``"full-range"`` beyond their range.
     coefficients : Coefficients, optional
         Coefficients of the coefficient model. Default: the published ones. With others ``"auto"`` is ``"calibrated"``,
         as networks know nothing of them.

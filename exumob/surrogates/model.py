@@ -2,8 +2,8 @@
 
 The wrenches on the vehicle are the mean of an ensemble's members. Their spread, with what all members lack on runs kept
 apart (`exumob.surrogates.ensemble.load_floor`), is the error bar. Networks do not extrapolate: outside the range of the
-training runs their wrenches are blended into those of the calibrated coefficients (`exumob.water.calibrated`), and the
-result records where and how far. In macro steps of more than 2 ms the networks' part moves half way to each new answer
+training runs their wrenches are blended into those of networks of a wider range, if there are any, and then into those
+of the coefficients that they rest on (`exumob.water.calibrated`), and the result records where and how far. In macro steps of more than 2 ms the networks' part moves half way to each new answer
 (`RELAXED_STEP`).
 
 A vehicle of the same form in another size (`exumob.vehicle.scaled`) has the same answers by Froude's law: inputs are
@@ -63,8 +63,9 @@ class SurrogateHydrodynamics:
     Parameters
     ----------
     networks : NetworkSet, path, or a sequence of them, optional
-        Members of an ensemble, or files of one or several (`exumob.surrogates.ensemble`); ``"paper-lstm"`` stands for
-        the paper's, which come with exumob (`exumob.surrogates.networks.NAMED`). Default: `shipped_networks`.
+        Members of an ensemble, or files of one or several (`exumob.surrogates.ensemble`); names such as
+        ``"paper-lstm"`` stand for some that come with exumob (`exumob.surrogates.networks.NAMED`). Default:
+        `shipped_networks`, those for lane changes.
     fallback : bool
         True: other networks (`beyond`), if there are any, and coefficients take over outside the networks' range.
         False: the networks alone act.
@@ -154,6 +155,7 @@ class SurrogateHydrodynamics:
         self._spread: list[Array] = []
         self._excess: list[Array] = []
         self._fallback: list[Array] = []
+        self._wide: list[Array] = []
         if self.beyond is not None:
             self.beyond.start(vehicle, water, macro_step)
         self._relaxed, self._last_learnt = macro_step > RELAXED_STEP, None
@@ -209,6 +211,7 @@ class SurrogateHydrodynamics:
         members, excess = self._answers(history, water, base)
         mean, spread = mean_and_spread(members)
         learnt = mean if base is None else mean - base
+        wide = np.zeros(5) if self.beyond is None else _share_of_others(excess, HANDOVER)  # none knows of slopes
         if not self._bed.is_flat or water.depth is None:
             slope, dry = bed_below(self._around, np.ascontiguousarray(history.position[-1]))
             if slope > 0.0:
@@ -217,21 +220,19 @@ class SurrogateHydrodynamics:
         if self._relaxed and self._last_learnt is not None and len(history) > 1:
             learnt = 0.5 * (learnt + self._last_learnt)
         self._last_learnt = learnt
+        share = _share_of_others(excess, BLEND) if self.fallback else np.zeros(5)
+        wrenches = learnt if base is None else base + (1.0 - share)[:, None] * learnt
         if self.beyond is not None:
-            share = _share_of_others(excess, HANDOVER)
-            wrenches = learnt if base is None else base + learnt
-            if share.any():
+            if wide.any():
                 others = self.beyond.wrenches(history, predict)
-                wrenches = (1.0 - share)[:, None] * wrenches + share[:, None] * others
+                wrenches = (1.0 - wide)[:, None] * wrenches + wide[:, None] * others
             else:
                 self.beyond.remember(history, predict)
-        else:
-            share = _share_of_others(excess, BLEND) if self.fallback else np.zeros(5)
-            wrenches = learnt if base is None else base + (1.0 - share)[:, None] * learnt
         self._times.append(float(history.time[-1]))
         self._spread.append(spread)
         self._excess.append(excess)
         self._fallback.append(share)
+        self._wide.append(wide)
         return wrenches
 
     def remember(self, history: BodyStates, predict: Callable[[], BodyStates]) -> None:
@@ -250,6 +251,7 @@ class SurrogateHydrodynamics:
         self._spread.append(np.zeros((5, 6)))
         self._excess.append(np.zeros((5, 2)))
         self._fallback.append(np.zeros(5))
+        self._wide.append(np.zeros(5))
 
     def _answers(self, history: BodyStates, water: Water, base: Array | None) -> tuple[Array, Array]:
         """Ask all members.
@@ -300,6 +302,7 @@ class SurrogateHydrodynamics:
             saved["spread"] = np.array(self._spread).reshape(-1, 5, 6)
             saved["excess"] = np.array(self._excess).reshape(-1, 5, 2)
             saved["fallback"] = np.array(self._fallback).reshape(-1, 5)
+            saved["wide"] = np.array(self._wide).reshape(-1, 5)
         return saved
 
     def restore(self, saved: dict[str, Any]) -> None:
@@ -312,8 +315,8 @@ class SurrogateHydrodynamics:
         if "times" in saved:
             self._times = [float(t) for t in saved["times"]]
             self._spread, self._excess = list(saved["spread"]), list(saved["excess"])
-            self._fallback = list(saved["fallback"])
-        for series in (self._times, self._spread, self._excess, self._fallback):
+            self._fallback, self._wide = list(saved["fallback"]), list(saved["wide"])
+        for series in (self._times, self._spread, self._excess, self._fallback, self._wide):
             del series[saved["count"] :]
         if self.beyond is not None:
             self.beyond.restore(saved["beyond"])
@@ -359,26 +362,26 @@ class SurrogateHydrodynamics:
             )  # fmt: skip
         if self.beyond is not None:
             found["wide_range_share"] = xr.DataArray(
-                np.array(self._fallback), coords, ("macro_time", "body"),
+                np.array(self._wide), coords, ("macro_time", "body"),
                 attrs={"units": "1", "long_name": "share of the networks of a wider range, and what they rest on"},
             )  # fmt: skip
         return found
 
     def _recorded(self) -> _Recorded:
         """Return what was recorded, of these networks and of those beyond their range together."""
-        spread, excess, share = (np.array(series) for series in (self._spread, self._excess, self._fallback))
+        spread, excess, fallback = (np.array(series) for series in (self._spread, self._excess, self._fallback))
         bars = None
         if self._floor is not None and self._water is not None:
             floor = self._water.density / TRAINED_DENSITY * self._load_factors * self._floor
             bars = bars_of(spread, floor)
         if self.beyond is None:
-            return _Recorded(spread, excess, share, bars)
-        others, part = self.beyond._recorded(), share[..., None]
-        farther = (excess.max(axis=-1) > OUTSIDE)[..., None]
+            return _Recorded(spread, excess, fallback, bars)
+        others, wide = self.beyond._recorded(), np.array(self._wide)
+        part = wide[..., None]
         bars = None if bars is None or others.bars is None else (1.0 - part) * bars + part * others.bars
         return _Recorded(
-            (1.0 - part) * spread + part * others.spread, np.where(farther, others.excess, excess),
-            share * others.fallback, bars,
+            (1.0 - part) * spread + part * others.spread, np.where(part > 0.0, others.excess, excess),
+            (1.0 - wide) * fallback + wide * others.fallback, bars,
         )  # fmt: skip
 
 
@@ -401,7 +404,7 @@ class _Recorded(NamedTuple):
 
 
 def shipped_networks() -> list[Path]:
-    """Return the files of the shipped networks: for the amphibious vehicle, 40 to 60 % depth, 0 to 1 m/s ahead."""
+    """Return the files of the shipped networks: for lane changes of the amphibious vehicle, 40 to 60 % depth."""
     return sorted(WEIGHTS.glob("*.safetensors"))
 
 

@@ -49,9 +49,10 @@ WEIGHTS = PACKAGE / "surrogates" / "weights"
 """Folder of the networks that come with exumob."""
 FULL_RANGE = "full-range"
 """Name of the networks for 20 to 90 % depth and currents from all sides, an ensemble with its report card."""
-NAMED = ("paper-lstm", FULL_RANGE)
-"""Networks that come with exumob and are asked for by name: the paper's LSTMs (Secs. 3 and 5), one seed, in half
-precision; and `FULL_RANGE`."""
+PAPER = "paper-lstm"
+"""Name of the paper's LSTMs (Secs. 3 and 5), one seed, in half precision."""
+NAMED = (PAPER, FULL_RANGE)
+"""Networks that come with exumob and are asked for by name."""
 COME_WITH_IT = f"and {' and '.join(NAMED)} come with exumob"
 TRAINED_DENSITY = 1000.0
 """Density of the water to which the wrenches in training are brought [kg/m^3]; they are proportional to it."""
@@ -195,7 +196,7 @@ class NetworkSet:
 
     @classmethod
     def load(cls, file: str | Path) -> NetworkSet:
-        """Read a file written by `save`, or networks that come with exumob under a name of `NAMED`.
+        """Read a file written by `save`, or the paper's networks, which come with exumob by name (`PAPER`).
 
         Raises
         ------
@@ -207,7 +208,7 @@ class NetworkSet:
         if isinstance(several := header.get("members"), list):
             raise ValueError(
                 f"{path} holds {len(several)} sets of networks (`exumob learn`), and a file of one is wanted; give one "
-                "out of the folder networks beside it."
+                "out of the folder networks that the command made beside it, or one of `exumob train`."
             )
         if header.get("format") != FORMAT:
             raise ValueError(f"{path} holds arrays, but not exumob's networks; `exumob train` makes them.")

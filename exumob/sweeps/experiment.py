@@ -83,7 +83,7 @@ class Experiment(Declared):
     """One of `exumob.simulation.water_models.MODELS`"""
     networks: tuple[Path, ...] = ()
     """Files of networks that are the ensemble (`exumob.surrogates.ensemble`), or names of those that come with exumob
-    (`exumob.surrogates.networks.NAMED`); empty: `exumob.surrogates.model.shipped_networks`"""
+    (`exumob.surrogates.networks.NAMED`); empty: those of `exumob.surrogates.model.SurrogateHydrodynamics`"""
     member: Annotated[int | None, Quantity("1", at_least=0.0)] = None
     """The network that acts alone; None: the whole ensemble"""
     coefficients: Coefficients = field(default_factory=Coefficients)

@@ -114,6 +114,23 @@ def test_beyond_lane_changes_networks_of_the_whole_range_take_over(vehicle, sand
     assert ((between > 0.0) & (between < 1.0)).any() and not near["hydrodynamics_out_of_range"].any()
 
 
+def _ask(model, history, predict):
+    model.wrenches(history, predict)
+
+
+def test_networks_beyond_answer_as_if_they_had_been_asked_all_the_time(vehicle, sand, monkeypatch):
+    """While nobody asks they only follow the motion: what they remember is the same when the range is left."""
+    water = Water(0.45 * vehicle.wheel.diameter, 0.95)
+    steps = {"duration": 1.2, "micro_step": 1e-3, "macro_step": 2e-3}  # no relaxing between macro steps
+    followed = simulate(vehicle, sand, water, lane_change(speed=25.0), SurrogateHydrodynamics(), **steps)
+    share = followed["hydrodynamics_wide_range_share"].max("body").values
+    assert share[0] == 0.0 and (share == 0.0).sum() > 20 and share.max() > 0.1
+    monkeypatch.setattr(SurrogateHydrodynamics, "remember", _ask)
+    asked = simulate(vehicle, sand, water, lane_change(speed=25.0), SurrogateHydrodynamics(), **steps)
+    for name in ("position", "water_wrench", "hydrodynamics_load_spread", "hydrodynamics_range_excess"):
+        np.testing.assert_array_equal(followed[name], asked[name], err_msg=name)
+
+
 def test_networks_beyond_need_a_fallback_and_go_with_their_members(vehicle):
     with pytest.raises(ValueError, match="beyond has no effect with fallback = False"):
         SurrogateHydrodynamics(shipped_networks(), fallback=False, beyond=FULL_RANGE)

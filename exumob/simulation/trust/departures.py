@@ -12,7 +12,8 @@ import numpy as np
 from exumob.coupling.explicit import Explicit
 from exumob.coupling.flow_in_loop import CfdHydrodynamics
 from exumob.coupling.semi_implicit import SemiImplicit
-from exumob.driving.maneuver import ConstantSteer, LaneChange
+from exumob.driving.maneuver import ConstantSteer, LaneChange, Maneuver
+from exumob.driving.named import driven
 from exumob.simulation.description import RunDescription
 from exumob.simulation.over_water import WaterMet
 from exumob.simulation.settings import DEFAULT_SETTING, setting_named, time_scale
@@ -28,6 +29,7 @@ from exumob.simulation.trust.measured_runs import (
 from exumob.simulation.trust.soil_line import is_published_as
 from exumob.support.measured import measured_errors
 from exumob.support.wording import number, rounded_span, span
+from exumob.surrogates.ensemble import card_of
 from exumob.surrogates.model import SLOPE_RANGE, SurrogateHydrodynamics
 from exumob.surrogates.networks import TRAINED_DENSITY
 from exumob.surrogates.vehicle_shape import CLOSE, flat, plain_parameters, same_value
@@ -173,9 +175,10 @@ def _card_departures(
         kind = "straight" if maneuver.angle == 0.0 else "circle"
     if kind not in kinds:
         yield Departure("maneuver", (kind,), ", ".join(kinds))
-    longest = max(float(one["duration"]) for one in card["drives"])
-    if run.steps.duration > longest * (1.0 + CLOSE):
-        yield Departure("duration", (run.steps.duration,), f"{longest:g}", "s")
+    times = [float(one["duration"]) for one in card["drives"]]
+    if not min(times) * (1.0 - CLOSE) <= run.steps.duration <= max(times) * (1.0 + CLOSE):
+        yield Departure("duration", (run.steps.duration,), span(min(times), max(times)), "s")
+    yield from _driving_departures(maneuver, card["drives"])
     if abs(run.initial_speed) > 1e-6:
         yield Departure("initial speed", (run.initial_speed,), "0", "m/s")
     if run.forces:
@@ -184,14 +187,30 @@ def _card_departures(
     most = {"micro_step": micro_step, "macro_step": macro_step}
     yield from _step_departures(run.steps.micro_step, run.steps.longest_macro_step, most)
     assert isinstance(model, SurrogateHydrodynamics)
-    if len(model.networks) < card["members"]:
-        yield Departure("networks", (float(len(model.networks)),), f"{card['members']} together")
+    own = model.beyond is None or card_of(model.networks, some=True) is not None
+    count = len(model.networks if own or model.beyond is None else model.beyond.networks)
+    if count < card["members"]:
+        yield Departure("networks", (float(count),), f"{card['members']} together")
     if not model.fallback:
-        yield Departure("outside their range", ("networks alone",), "the calibrated coefficients take over")
+        yield Departure("outside their range", ("networks alone",), "coefficients take over")
     outside = [one["outside"] for one in card["drives"] if isinstance(one.get("outside"), int | float)]
     most_outside = max(outside, default=0.0)
     if out_of_range is not None and out_of_range > most_outside + 0.005:
         yield Departure(OUTSIDE_RANGE, (100.0 * out_of_range,), f"{100.0 * most_outside:.2g}", "% of the time")
+
+
+def _driving_departures(maneuver: Maneuver, drives: Sequence[Mapping[str, Any]]) -> Iterator[Departure]:
+    """Find in what a maneuver is driven harder than those of a card; cards of before do not say how theirs were."""
+    if not isinstance(maneuver, LaneChange | ConstantSteer) or not all("wheel_speed" in one for one in drives):
+        return
+    angle, wheels = driven(maneuver)
+    most, speeds = max(float(one["steering"]) for one in drives), [float(one["wheel_speed"]) for one in drives]
+    if angle > most * (1.0 + CLOSE):
+        yield Departure("steering", (math.degrees(angle),), f"{math.degrees(most):.3g}", "deg")
+    if not any(math.isclose(wheels, speed, rel_tol=0.05) for speed in speeds):
+        yield Departure("wheel speed", (wheels,), span(min(speeds), max(speeds)), "rad/s")
+    if maneuver.start_speed != 0.0:
+        yield Departure("wheel speed at the start", (maneuver.start_speed,), "0", "rad/s")
 
 
 def _common_departures(

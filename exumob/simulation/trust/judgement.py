@@ -32,6 +32,8 @@ from exumob.simulation.trust.error_budget import Part, error_parts, flow_parts
 from exumob.simulation.trust.measured_runs import (
     cards_of,
     elsewhere_off,
+    full_range_card,
+    full_range_waves,
     is_measured_vehicle,
     is_straight,
     measured_vehicle,
@@ -53,6 +55,8 @@ from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import NoWater
 from exumob.water.wave_loads import fitted_coefficients
 
+A_LITTLE = 0.05
+"""Share in the loads of networks beyond the range of the first up to which a run is like those of the first [-]."""
 MOSTLY = 0.25
 """Share of the calibrated coefficients in the loads from which a drive says little of networks [-]."""
 NAMED = 4
@@ -124,6 +128,7 @@ def trust_of(
     out_of_range: float | None = None,
     fallback: float | None = None,
     met: WaterMet | None = None,
+    wide: float | None = None,
 ) -> Trust:
     """Compare one run with those whose errors were measured.
 
@@ -136,8 +141,10 @@ def trust_of(
         Mean share of the calibrated coefficients in the loads [-].
     met : WaterMet, optional
         What the vehicle met of water that is given by its level or a field.
+    wide : float, optional
+        Mean share in the loads of networks that take over beyond the range of the first ones [-].
     """
-    return _together([(run, out_of_range, fallback, met)])
+    return _together([(run, out_of_range, fallback, met)], wide)
 
 
 def trust_of_all(runs: Iterable[RunDescription]) -> Trust:
@@ -151,13 +158,16 @@ def trust_of_all(runs: Iterable[RunDescription]) -> Trust:
 _Case = tuple[RunDescription, float | None, float | None, WaterMet | None]
 
 
-def _together(cases: Sequence[_Case]) -> Trust:
+def _together(cases: Sequence[_Case], wide: float | None = None) -> Trust:
     """Judge by the measured runs from which these differ least, first of all in the water.
 
-    What lies as far beyond several sets of them in the water is judged by the last, which reaches farthest.
+    What lies as far beyond several sets of them in the water is judged by the last, which reaches farthest; and so are
+    runs to whose loads the networks beyond gave more than a little.
     """
     model = cases[0][0].hydrodynamics
     cards = cards_of(model) if isinstance(model, SurrogateHydrodynamics) else [None]
+    if wide is not None and wide > A_LITTLE:
+        cards = cards[-1:]
     found = [_judged(cases, card) for card in cards]
     if found[0].status == "not validated":
         found = [one for one in found if one.status == "not validated"]
@@ -253,7 +263,13 @@ def _cheap(run: RunDescription, soil: str, water: Water, card: Mapping[str, Any]
     if others and is_measured_vehicle(run.vehicle) and waves == waves_of_networks():
         name = "fitted"
     elif others:
+        ends = [one["coefficients_end"] for one in full_range_card()["drives"]] if waves == full_range_waves() else []
         advice = "coefficients fitted to other runs than those of exumob; a report card says how far they were off."
+        if ends:
+            advice = (
+                f"those of the networks for the whole range; on {len(ends)} drives kept apart they ended "
+                f"{percents(min(ends), max(ends))} of the path from the flow."
+            )
         return Trust(name, "not validated", "", soil, advice=advice)
     same, straight = is_measured_vehicle(run.vehicle), is_straight(run)
     networks = isinstance(model, SurrogateHydrodynamics)
@@ -314,9 +330,10 @@ def _learnt(model: SurrogateHydrodynamics, card: Mapping[str, Any], vehicle: Veh
     shipped = shipped_name(model)
     label = "networks" if shipped in (None, "networks") else f"networks ({shipped})"
     ends = [abs(float(one["end"])) for one in card["drives"]]
+    apart = f"{len(ends)} drive{'s' if len(ends) > 1 else ''} kept apart{_waters(card['drives'])}"
+    off = percent(float(np.mean(ends))) if ends else ""
     drives = (
-        f"{len(ends)} drive{'s' if len(ends) > 1 else ''} kept apart ended {percent(float(np.mean(ends)))} of the "
-        f"path (at worst {percent(max(ends))}) from that with the flow in the loop"
+        f"{apart} ended {off} of the path (at worst {percent(max(ends))}) from that with the flow in the loop"
         if ends
         else "no drive was compared with the flow in the loop"
     )
@@ -345,6 +362,16 @@ def _learnt(model: SurrogateHydrodynamics, card: Mapping[str, Any], vehicle: Veh
         return Trust(label, "not validated", error, soil, advice=advice)
     mean, worst = float(np.mean(ends)), max(ends)
     return Trust(label, "measured", error, soil, (), mean, worst, parts=error_parts(model, mean, worst, card=card))
+
+
+def _waters(drives: Sequence[Mapping[str, Any]]) -> str:
+    """Say in which waters the drives of a card were, if the card does."""
+    found = []
+    for name, what, unit in (("depth_ratio", "depth ratio", ""), ("current_speed", "current", " m/s")):
+        values = [one[name] for one in drives if isinstance(one.get(name), int | float)]
+        ends = dict.fromkeys(f"{value:.2g}" for value in (min(values), max(values))) if values else ()
+        found += [f"{what} {' to '.join(ends)}{unit}"] if ends else []
+    return f" ({', '.join(found)})" if found else ""
 
 
 def _what_to_believe(out_of_range: float, fallback: float, card: Mapping[str, Any] | None) -> str:

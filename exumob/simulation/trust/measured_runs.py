@@ -15,6 +15,7 @@ from exumob.support.measured import measured_errors
 from exumob.support.wording import percents, span
 from exumob.surrogates.ensemble import card_of
 from exumob.surrogates.model import SurrogateHydrodynamics
+from exumob.surrogates.networks import FULL_RANGE
 from exumob.surrogates.vehicle_shape import GEOMETRY, flat, plain_parameters, same_value
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
@@ -66,7 +67,7 @@ def cards_of(model: SurrogateHydrodynamics) -> list[Mapping[str, Any] | None]:
     the networks that take over there.
     """
     own = card_of(model.networks, some=True)
-    beyond = None if model.beyond is None else card_of(model.beyond.networks)
+    beyond = None if model.beyond is None else card_of(model.beyond.networks, some=True)
     return [own] if beyond is None else [own, beyond]
 
 
@@ -75,6 +76,22 @@ def waves_of_networks() -> str | None:
     """Digest of the coefficients that the default networks rest on: the table holds their errors, too."""
     waves = SurrogateHydrodynamics().waves
     return None if waves is None else waves.digest()
+
+
+@functools.cache
+def _full_range() -> SurrogateHydrodynamics:
+    return SurrogateHydrodynamics(FULL_RANGE)
+
+
+def full_range_waves() -> str | None:
+    """Digest of the coefficients that the networks for the whole range rest on."""
+    waves = _full_range().waves
+    return None if waves is None else waves.digest()
+
+
+def full_range_card() -> Mapping[str, Any]:
+    """Report card of the networks for the whole range."""
+    return card_of(_full_range().networks) or {"drives": []}
 
 
 def elsewhere_off(name: str) -> str:
