@@ -1,10 +1,10 @@
 """LSTM-MBD: trained networks as a hydrodynamics model (paper Secs. 3 and 5), with error bars and known limits.
 
 The wrenches on the vehicle are the mean of an ensemble's members. Their spread, with what all members lack on runs kept
-apart (`exumob.surrogates.ensemble.load_floor`), is the error bar. Networks do not extrapolate: outside the range of the
-training runs their wrenches are blended into those of networks of a wider range, if there are any, and then into those
-of the coefficients that they rest on (`exumob.water.calibrated`), and the result records where and how far. In macro steps of more than 2 ms the networks' part moves half way to each new answer
-(`RELAXED_STEP`).
+apart (`exumob.surrogates.ensemble.load_floor`), is the error bar. Networks do not extrapolate: outside the range of
+their training runs their wrenches are blended into those of networks of a wider range, if there are any, and then into
+those of the coefficients that they rest on (`exumob.water.calibrated`), and the result records where and how far. In
+macro steps of more than 2 ms the networks' part moves half way to each new answer (`RELAXED_STEP`).
 
 A vehicle of the same form in another size (`exumob.vehicle.scaled`) has the same answers by Froude's law: inputs are
 scaled to the vehicle that the networks know, the time constants of their memory go with the root of the size, forces
