@@ -8,8 +8,8 @@ for validation. Then they are asked how much of a map they know: straight ahead 
 depths, currents and directions.
 
 First: exumob train --preset balanced --data data/full_range/runs --output networks
-Run: python studies/full_range.py --networks networks [--jobs 2]     (a quarter of an hour; without --networks those
-     that come with exumob stay)
+Run: python studies/full_range.py --networks networks [--map] [--jobs 2]     (five minutes, with --map twenty more;
+     without --networks those that come with exumob stay)
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -70,6 +71,10 @@ def ship(folder: Path) -> None:
     errors = load_errors({n: compare_loads(members, run, plan.vehicle) for n, run in apart.items()}, plan.vehicle)
     drives = compare_drives(members, plan, apart)
     card = card_figures(plan, members, errors, drives, taught, apart)
+    save_ensemble(members, network_file(FULL_RANGE), card)
+    tasks, default = {task.name: task for task in judges()}, SurrogateHydrodynamics()
+    for one in card["drives"]:  # with the networks for lane changes within their range
+        one["default_end"] = 0.01 * _end(tasks[one["name"]], default, apart[one["name"]])
     save_ensemble(members, network_file(FULL_RANGE), card)
     print("report card:", json.dumps(card | {"parameters": "...", "load_floor": "..."}, indent=1))
 
@@ -123,7 +128,9 @@ def held_back() -> xr.Dataset:
                 SurrogateHydrodynamics(member), CalibratedHydrodynamics(waves=member.waves), CalibratedHydrodynamics()
             ]  # fmt: skip
             ends = [_end(task, model, reference) for model in models]
-            found.append((f"seed {member.about['seed']}, {_about(task, vehicle)}", ends))
+            found.append(
+                (_about(task, vehicle).replace("multisine of the steering", f"seed {member.about['seed']}"), ends)
+            )
     return xr.Dataset(
         {"final": (("run", "model"), [ends for _, ends in found], {"units": "%"})},
         {"run": [name for name, _ in found], "model": ["one network", *MODELS[2:4]]},
@@ -135,7 +142,7 @@ def _about(task: FreeTask, vehicle: Vehicle) -> str:
     angle = math.degrees(math.remainder(water.current_direction - math.pi, 2.0 * math.pi))
     ratio = water.uniform_depth / vehicle.wheel.diameter
     kind = maneuver_name(task.maneuver)
-    return f"{kind} on {task.soil}, {100.0 * ratio:.0f} %, {water.current_speed:.2f} m/s from {angle:.0f} deg"
+    return f"{kind} on {task.soil}, {100.0 * ratio:.0f} %, {water.current_speed:.2f} m/s from {round(angle)} deg"
 
 
 @functools.cache
@@ -180,34 +187,36 @@ def hatched(found: xr.Dataset) -> xr.DataArray:
     return ~(found["outside"] <= Limits().range_share)
 
 
-def plot(ends: xr.Dataset, held: xr.Dataset, share: xr.Dataset) -> Figure:
-    """Draw where drives end with each model, and what share of the map is hatched over soils."""
+def plot(ends: xr.Dataset, held: xr.Dataset) -> Figure:
+    """Draw where drives end with each model."""
     with plt.rc_context(STYLE):
-        figure, panels = plt.subplots(1, 3, figsize=(11.0, 4.6), width_ratios=(1.0, 1.0, 0.7), layout="constrained")
+        figure, panels = plt.subplots(1, 2, figsize=(11.0, 4.6), layout="constrained")
         apart, own = (
             (ends["final"], ends["about"].values, "kept apart"),
-            (held["final"].T, held["run"].values, "of a seed"),
+            (held["final"].T, held["run"].values, "of one seed alone"),
         )
-        for axes, (final, about, title) in zip(panels, (apart, own), strict=False):
+        for axes, (final, about, title) in zip(panels, (apart, own), strict=True):
             places, models = np.arange(final.sizes["run"]), final["model"].values
             for n, model in enumerate(models):
-                color = f"C{list(MODELS).index(model)}" if model in MODELS else "C1"
+                color = f"C{list(MODELS).index(model)}" if model in MODELS else "C4"
                 height = 0.8 / len(models)
                 axes.barh(places + height * (n - 0.5 * (len(models) - 1)), final.sel(model=model), 0.95 * height,
                           color=color, label=model)  # fmt: skip
-            axes.set(xlabel="final position off [% of the path]", title=f"drives {title}")
+            axes.set(xlabel="off [% of the path]", title=f"drives {title}")
             axes.set_yticks(places, [str(a).replace(", ", "\n", 1) for a in about], fontsize="x-small")
             axes.invert_yaxis()
-            axes.legend(fontsize="x-small")
-        of = hatched(share).mean(["depth_ratio", "flow"])
-        order = np.argsort(of.values)
-        panels[2].barh(np.arange(len(order)), 100.0 * of[order], 0.7, color="C0")
-        panels[2].set_yticks(np.arange(len(order)), of["soil"].values[order], fontsize="xx-small")
-        panels[2].set(xlabel="outside the range\n[% of the waters]", title="all published soils")
+        handles = {**dict(zip(*_legend(panels[0]), strict=True)), **dict(zip(*_legend(panels[1]), strict=True))}
+        figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=5, fontsize="small")
     return figure
 
 
-def lines(ends: xr.Dataset, held: xr.Dataset, share: xr.Dataset) -> str:
+def _legend(axes: Any) -> tuple[list[str], list[Any]]:
+    """Labels of a panel, and what they are of."""
+    handles, labels = axes.get_legend_handles_labels()
+    return labels, handles
+
+
+def lines(ends: xr.Dataset, held: xr.Dataset) -> str:
     """The tables as they stand on the page of the study."""
     rows = [f"| final position [% of the path] | {' | '.join(MODELS)} |", "|---" * (len(MODELS) + 1) + "|"]
     for n, about in enumerate(ends["about"].values):
@@ -222,7 +231,12 @@ def lines(ends: xr.Dataset, held: xr.Dataset, share: xr.Dataset) -> str:
         rows.append(f"| {about} | {' | '.join(f'{v:.2g}' for v in held['final'].values[n])} |")
     means = zip(held["final"].mean("run").values, held["final"].max("run").values, strict=True)
     rows.append(f"| **mean (worst)** | {' | '.join(f'{m:.2g} ({w:.2g})' for m, w in means)} |")
-    of = hatched(share)
+    return "\n".join(rows)
+
+
+def map_lines(share: xr.Dataset) -> str:
+    """How much of a map lies outside the networks' range."""
+    of, rows = hatched(share), []
     for name in ("depth_ratio", "flow"):
         each = [f"{100.0 * float(of.sel({name: v}).mean()):.0f} % at {v}" for v in share[name].values]
         rows.append(f"\nOutside the range, by {name}: {', '.join(each)}")
@@ -231,24 +245,27 @@ def lines(ends: xr.Dataset, held: xr.Dataset, share: xr.Dataset) -> str:
     return "\n".join(rows)
 
 
-def main(quick: bool = False, jobs: int = 2, networks: Path | None = None) -> tuple[xr.Dataset, xr.Dataset]:
-    """Compare and ask; with `quick` the first drive, a few soils, and nothing is written."""
-    if networks is not None and not quick:
-        ship(networks)
-    ends, share = compared(judges()[: 1 if quick else None]), known(jobs, quick)
+def main(
+    quick: bool = False, jobs: int = 2, networks: Path | None = None, ask_map: bool = False
+) -> xr.Dataset:  # fmt: skip
+    """Compare; return where drives end. With `quick` the first drive and a few waters of the map; writes nothing."""
     if quick:
-        return ends, share
-    held = held_back()
-    save({
-        "full_range.png": plot(ends, held, share), "full_range.nc": ends, "full_range_held_back.nc": held,
-        "full_range_known.nc": share,
-    })  # fmt: skip
-    print(lines(ends, held, share))
-    return ends, share
+        print(map_lines(known(jobs, quick)))
+        return compared(judges()[:1])
+    if networks is not None:
+        ship(networks)
+    ends, held = compared(judges()), held_back()
+    save({"full_range.png": plot(ends, held), "full_range.nc": ends, "full_range_held_back.nc": held})
+    print(lines(ends, held))
+    if ask_map:
+        save({"full_range_known.nc": (share := known(jobs, quick))})
+        print(map_lines(share))
+    return ends
 
 
 if __name__ == "__main__":
     parser = study_parser(__doc__)
     parser.add_argument("--networks", type=Path, help="folder of `exumob train` with the networks to come with exumob")
+    parser.add_argument("--map", action="store_true", dest="ask_map", help="ask how much of a map the networks know")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     main(**vars(parser.parse_args()))

@@ -98,6 +98,17 @@ def test_training_data_study_packs_a_run():
     assert float(result["size"][0]) > 0.05
 
 
+def test_networks_of_the_whole_range_end_near_a_drive_kept_apart():
+    found = load_study("full_range").main(quick=True)
+    final = found["final"].squeeze("run").to_series()
+    assert final["full-range"] < 4.0 and final["full-range"] < final["calibrated"]
+    assert (
+        0.1
+        < float(found["load_error"].sel(loads="full-range"))
+        < float(found["load_error"].sel(loads="their coefficients"))
+    )
+
+
 def test_shipped_networks_predict_an_unseen_run():
     """D50/U0.5, which no network saw: 0.6 % of the path and 0.4 degrees (the aims were 2 % and 2 degrees)."""
     result = load_study("predict_unseen").main(quick=True).squeeze()

@@ -329,7 +329,8 @@ def _learnt(model: SurrogateHydrodynamics, card: Mapping[str, Any], vehicle: Veh
     """Networks that carry a report card (`exumob learn`), as if the run were like those of the card."""
     shipped = shipped_name(model)
     label = "networks" if shipped in (None, "networks") else f"networks ({shipped})"
-    ends = [abs(float(one["end"])) for one in card["drives"]]
+    end = "default_end" if shipped == "networks" else "end"  # with the networks for lane changes before these
+    ends = [abs(float(one.get(end, one["end"]))) for one in card["drives"]]
     apart = f"{len(ends)} drive{'s' if len(ends) > 1 else ''} kept apart{_waters(card['drives'])}"
     off = percent(float(np.mean(ends))) if ends else ""
     drives = (
