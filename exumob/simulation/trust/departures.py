@@ -187,8 +187,8 @@ def _card_departures(
     most = {"micro_step": micro_step, "macro_step": macro_step}
     yield from _step_departures(run.steps.micro_step, run.steps.longest_macro_step, most)
     assert isinstance(model, SurrogateHydrodynamics)
-    own = model.beyond is None or card_of(model.networks, some=True) is not None
-    count = len(model.networks if own or model.beyond is None else model.beyond.networks)
+    beyond = model.beyond if card_of(model.networks, some=True) is None else None  # whose card it is
+    count = len((beyond or model).networks)
     if count < card["members"]:
         yield Departure("networks", (float(count),), f"{card['members']} together")
     if not model.fallback:
