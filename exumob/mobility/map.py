@@ -43,6 +43,7 @@ from exumob.sweeps.sampling import (
     require_room_for,
     sample,
 )
+from exumob.sweeps.trust_of_sweep import trust_of_sweep
 
 logger = logging.getLogger(__name__)
 
@@ -142,10 +143,10 @@ class MobilityMap(Declared):
                         tried.check()
 
     def trust(self) -> dict[str, str | float]:
-        """Say what the runs of the map are worth, as attributes (see `Experiment.trust`)."""
+        """Say what the runs of the map are worth, as attributes (see `trust_of_sweep`)."""
         corners = itertools.product((self.x.low, self.x.high), (self.y.low, self.y.high))
         cases = [self.case(panel, x, y, {}) for x, y in corners for panel in self.panels.values()]
-        return self.crossing.experiment.trust(cases)
+        return trust_of_sweep(self.crossing.experiment, cases)
 
     def factors(self) -> list[Case]:
         """Draw the runs of a node: factors by name, and the number of the network."""

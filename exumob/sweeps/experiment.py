@@ -25,7 +25,6 @@ from exumob.simulation.checks import check_steps
 from exumob.simulation.description import RunDescription, Steps
 from exumob.simulation.run import simulate
 from exumob.simulation.settings import DEFAULT_SETTING, DURATION, RECORD_STEP, SETTINGS, setting_named
-from exumob.simulation.trust import trust_of_all
 from exumob.simulation.water_models import DEFAULT_MODEL, MODELS, hydrodynamics_named
 from exumob.support import quantities
 from exumob.support.declared import Declared, DeclaredField, check_of, declared_fields
@@ -44,8 +43,6 @@ from exumob.water.hydrodynamics import Hydrodynamics
 from exumob.water.wave_loads import fitted_coefficients
 
 T = TypeVar("T")
-COMPARED = 20
-"""Number of different values of a name that a sweep's line of trust looks at, unless they are numbers."""
 LEVEL_GROUND = Terrain()
 STEPS = ("duration", "micro_step", "macro_step", "record_step", "initial_speed")
 """Fields of the time of a run [s], and the speed with which it begins [m/s]."""
@@ -457,37 +454,6 @@ class Experiment(Declared):
             self.forces,
             start=self.start,
         )
-
-    def trust(self, cases: Sequence[Mapping[str, Any]]) -> dict[str, str | float]:
-        """Say what the runs of a sweep are worth, as attributes (see `exumob.simulation.trust.trust_of_all`).
-
-        Of numbers the smallest and the largest of each name are compared, of other values each. Where cases choose
-        their model of the water by themselves, each model has a line of its own.
-        """
-        chosen: set[int] = set()
-        for name in cases[0] if cases else ():
-            values = [case[name] for case in cases]
-            if all(isinstance(value, int | float) for value in values):
-                chosen |= {int(np.argmin(values)), int(np.argmax(values))}
-            else:
-                chosen |= set(list({repr(value): n for n, value in enumerate(values)}.values())[:COMPARED])
-        found: dict[str, list[Experiment]] = {}
-        for case in [cases[n] for n in sorted(chosen)] or [{}]:
-            with contextlib.suppress(ValueError):  # values that do not go together have become rows
-                run = self.with_values(case)
-                found.setdefault(run.hydrodynamics, []).append(run)
-        attributes: dict[str, str | float] = {}
-        for runs in found.values():
-            wet = next((run for run in runs if run.water is not None), runs[0])
-            with contextlib.suppress(ValueError):
-                model = wet.water_model()
-                own = [
-                    run.water_model() if run.hydrodynamics in ("coefficients", "calibrated") and run.water else model
-                    for run in runs
-                ]
-                more = trust_of_all([run.description(its) for run, its in zip(runs, own, strict=True)]).attributes()
-                attributes = more if not attributes else {"trust": f"{attributes['trust']} {more['trust']}"}
-        return attributes
 
     def check(self) -> None:
         """Raise ValueError if steps do not fit each other, or the networks were trained for another vehicle."""

@@ -31,6 +31,7 @@ from exumob.sweeps.case_store import CaseStore, Function, room_needed
 from exumob.sweeps.experiment import STEPS, Experiment
 from exumob.sweeps.processes import run_in_processes, run_with_mpi
 from exumob.sweeps.sampling import Case
+from exumob.sweeps.trust_of_sweep import trust_of_sweep
 
 TRIED_CASES = 20_000
 """Number of cases up to which it is tried beforehand whether their values fit each other; this takes about a second."""
@@ -143,7 +144,8 @@ def sweep(
         report_progress()
         result = store.gather()
         if isinstance(experiment, Experiment):
-            result.attrs |= experiment.trust(cases)
+            ended = {str(name): row.values for name, row in result.items() if row.dtype.kind == "f"}
+            result.attrs |= trust_of_sweep(experiment, cases, ended)
         store.save(result)
     return result
 

@@ -12,6 +12,7 @@ from exumob.sweeps.case_store import CaseStore
 from exumob.sweeps.experiment import Experiment, amphibious_crossing, amphibious_lane_change
 from exumob.sweeps.run import _with_experiment
 from exumob.sweeps.study import _marked, read_study
+from exumob.sweeps.trust_of_sweep import trust_of_sweep
 from exumob.vehicle.start_pose import StartPose
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
@@ -133,4 +134,4 @@ def test_an_experiment_over_terrain():
             over.with_values({name: 0.3})
     described = over.description(CoefficientHydrodynamics())
     assert (described.terrain, described.start) == (ground, start)
-    assert "water a level over terrain" in str(over.trust([{}])["trust"])
+    assert "water a level over terrain" in str(trust_of_sweep(over, [{}])["trust"])

@@ -25,12 +25,14 @@ from exumob.simulation.over_water import WaterMet
 from exumob.simulation.result_files import load_dataset
 from exumob.simulation.run import simulate
 from exumob.simulation.trust import trust_of, trust_of_all
+from exumob.simulation.trust.departures import driven_in
 from exumob.support.measured import measured_errors
 from exumob.surrogates.ensemble import card_of, load_members
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import FULL_RANGE, NAMED
 from exumob.surrogates.vehicle_shape import shape_differences
 from exumob.sweeps.experiment import amphibious_crossing, amphibious_lane_change
+from exumob.sweeps.trust_of_sweep import trust_of_sweep
 from exumob.vehicle.point_force import PointForce
 from exumob.vehicle.start_pose import StartPose
 from exumob.vehicle.vehicle_file import load_vehicle
@@ -51,6 +53,8 @@ RUN = RunDescription(
     Steps(8.0, 1e-3, 20e-3, 1e-2), 0.0,
 )  # fmt: skip
 SHORT = replace(RUN.steps, duration=6.0)
+BEHIND = Water.at_ratio(0.7, 1.05, current_direction=0.0)
+"""Water of the drives of the card, and of no lane change of the table."""
 COEFFICIENTS = replace(RUN, hydrodynamics=CoefficientHydrodynamics())
 STRAIGHT = replace(RUN, maneuver=ConstantSteer(), steps=replace(RUN.steps, duration=4.0))
 
@@ -226,9 +230,9 @@ MET = WaterMet((0.02, 0.11), (0.2, 0.9), 0.0, 0.0, 0.0, 0.0)
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({}, "depth ratio 0.1 to 0.55 (0.2 to 0.9)"),
-        ({"current": (0.2, 1.7)}, "current 0.2 to 1.7 m/s (0 to 1.5 m/s)"),
-        ({"depth": (0.02, 0.3)}, "depth ratio 0.1 to 1.5 (0.2 to 0.9)"),
+        ({}, "depth ratio 0.1 to 0.55 (0.327 to 0.707)"),
+        ({"current": (0.2, 1.7)}, "current 0.2 to 1.7 m/s (0.0524 to 1.06 m/s)"),
+        ({"depth": (0.02, 0.3)}, "depth ratio 0.1 to 1.5 (0.327 to 0.707)"),
         ({"level_difference": 0.012}, "level, taken as horizontal, over half the hull by 12 mm"),
         ({"current_difference": 0.15}, "current, taken at the bodies' origins, over half the hull by 0.15 m/s"),
         ({"slope": 0.15}, "networks of level beds on a slope of 0.15"),
@@ -247,9 +251,9 @@ def test_what_a_model_assumes_of_the_water_is_said(change, text):
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"water": Water.at_ratio(1.2, 1.0), "steps": SHORT}, "depth ratio 1.2 (0.2 to 0.9)"),
-        ({"water": Water.at_ratio(0.1, 1.0), "steps": SHORT}, "depth ratio 0.1 (0.2 to 0.9)"),
-        ({"water": Water.at_ratio(0.6, 1.7), "steps": SHORT}, "current 1.7 m/s (0 to 1.5 m/s)"),
+        ({"water": Water.at_ratio(1.2, 1.0), "steps": SHORT}, "depth ratio 1.2 (0.327 to 0.707)"),
+        ({"water": Water.at_ratio(0.1, 1.0), "steps": SHORT}, "depth ratio 0.1 (0.327 to 0.707)"),
+        ({"water": Water.at_ratio(0.6, 1.7), "steps": SHORT}, "current 1.7 m/s (0.0524 to 1.06 m/s)"),
         ({"water": Water.at_ratio(0.6, 1.0, density=1100.0)}, "density 1.1e+03 kg/m³ (1000 kg/m³)"),
         ({"water": Water(level=0.12, current_speed=1.0)}, "water a level over terrain (one depth)"),
         ({"water": Water(field=WaterField(np.ones((2, 2))))}, "water a field (one depth)"),
@@ -305,7 +309,7 @@ LOOP = replace(
 )
 def test_drives_of_a_card_count_as_they_were_driven(change, text):
     """In water that only drives over the whole range were in: what is driven harder than these is named."""
-    run = replace(RUN, water=Water.at_ratio(0.8, 1.2, current_direction=0.0), steps=SHORT)
+    run = replace(RUN, water=BEHIND, steps=SHORT)
     assert trust_of(run, 0.0, 0.0).status == "measured"
     assert text in map(str, trust_of(replace(run, **change), 0.0, 0.0).departures)
 
@@ -324,6 +328,18 @@ def test_coefficients_of_the_whole_range_quote_their_drives():
     assert found.status == "not validated" and f"ended {100 * min(ends):.2g} to {100 * max(ends):.2g} %" in found.line
 
 
+def test_water_that_networks_learnt_but_no_drive_was_in_is_beyond_what_was_measured():
+    deep = replace(RUN, water=Water.at_ratio(0.85, 1.3, current_direction=0.0), steps=SHORT)
+    found = trust_of(deep, 0.0, 0.0)
+    assert found.status == "beyond"
+    assert [str(d) for d in found.departures] == [
+        "depth ratio 0.85 (0.327 to 0.707)", "current 1.3 m/s (0.0524 to 1.06 m/s)",
+    ]  # fmt: skip
+    assert "of flow at depth ratios of 0.2 to 0.9, currents of 0 to 1.5 m/s" in found.line
+    before = {**CARD, "drives": [{"end": 0.01, "maneuver": "lane change"}]}
+    assert driven_in(before) == {name: CARD[name] for name in ("depth_ratio", "current_speed")}
+
+
 def test_networks_are_judged_by_the_runs_that_are_most_like():
     """Lane changes like the paper's by those, other waters by drives over the whole range; the water counts first."""
     short = SHORT
@@ -331,7 +347,7 @@ def test_networks_are_judged_by_the_runs_that_are_most_like():
     assert lane.status == "measured" and "lane changes that they had not seen" in lane.error
     ends = [one["default_end"] for one in CARD["drives"]]
     assert max(ends) != max(one["end"] for one in CARD["drives"])  # of the networks for the whole range alone
-    behind = Water.at_ratio(0.8, 1.2, current_direction=0.0)
+    behind = BEHIND
     loam = Soil.published("Grenville loam 24 %")
     for change in ({"water": behind}, {"soil": loam}, {"water": behind, "soil": loam}):
         found = trust_of(replace(RUN, steps=short, **change), 0.0, 0.0)
@@ -341,8 +357,8 @@ def test_networks_are_judged_by_the_runs_that_are_most_like():
     longer = trust_of(replace(RUN, water=behind), 0.0, 0.0)
     assert longer.status == "beyond" and [str(d) for d in longer.departures] == ["duration 8 s (4 to 6 s)"]
     neither = trust_of(replace(RUN, water=Water.at_ratio(1.2, 1.2, current_direction=0.0)), 0.9, 0.5)
-    assert "depth ratio 1.2 (0.2 to 0.9)" in map(str, neither.departures)
-    twice = replace(RUN, vehicle=exumob.scaled_vehicle(CAR, 2.0), water=Water(0.32, 1.2, current_direction=0.0))
+    assert "depth ratio 1.2 (0.327 to 0.707)" in map(str, neither.departures)
+    twice = replace(RUN, vehicle=exumob.scaled_vehicle(CAR, 2.0), water=Water(0.28, 1.2, current_direction=0.0))
     large = trust_of(twice)
     assert large.status == "not validated" and not large.departures and "2 times as large" in large.advice
 
@@ -366,7 +382,7 @@ def test_flow_in_the_loop_was_repeated_in_one_run_only(change, text):
 
 def test_a_dry_run_among_wet_ones_is_named():
     found = trust_of_all([RUN, replace(RUN, water=None)])
-    assert [str(d) for d in found.departures] == ["duration 8 s (4 to 6 s)", "depth ratio 0 (0.2 to 0.9)"]
+    assert [str(d) for d in found.departures] == ["duration 8 s (4 to 6 s)", "depth ratio 0 (0.327 to 0.707)"]
 
 
 def test_the_edges_of_what_was_measured_are_within():
@@ -490,23 +506,41 @@ def test_every_result_carries_it(short_run, sand):
 
 def test_a_sweep_names_each_quantity_once_with_its_range():
     experiment = replace(amphibious_lane_change(), hydrodynamics="networks")
-    cases = [{"water.current_speed": u, "soil": s} for u in (0.5, 1.2, 1.5) for s in ("LETE sand", "Lunar soil")]
-    found = experiment.trust(cases)
+    cases = [{"water.current_speed": u, "soil": s} for u in (0.5, 1.02, 1.05) for s in ("LETE sand", "Lunar soil")]
+    found = trust_of_sweep(experiment, cases)
     soils = "Grenville loam 24 %, LETE sand, North Gower clayey loam 46 %"
     assert found["trust_beyond"] == f"duration 8 s (4 to 6 s); soil Lunar soil ({soils})"
-    both = experiment.trust([{"hydrodynamics": "networks"}, {"hydrodynamics": "coefficients"}])
+    both = trust_of_sweep(experiment, [{"hydrodynamics": "networks"}, {"hydrodynamics": "coefficients"}])
     assert both["trust"].count("Soil:") == 2
     crossing = replace(amphibious_crossing(), duration=4.0, hydrodynamics="networks")
-    assert crossing.trust([{"water.depth_ratio": 0.4}, {"water.depth_ratio": 0.6}])["trust_status"] == "measured"
-    assert experiment.trust([{"soil.c1": 0.9}, {"soil.c1": 0.1}])["trust_status"] == "beyond"  # 0.9 is refused
+    assert (
+        trust_of_sweep(crossing, [{"water.depth_ratio": 0.4}, {"water.depth_ratio": 0.6}])["trust_status"] == "measured"
+    )
+    assert (
+        trust_of_sweep(experiment, [{"soil.c1": 0.9}, {"soil.c1": 0.1}])["trust_status"] == "beyond"
+    )  # 0.9 is refused
+
+
+def test_a_sweep_is_judged_by_what_its_runs_found_of_networks():
+    """The largest share of the networks for the whole range, and every run that left their range, count."""
+    experiment = replace(amphibious_lane_change(), hydrodynamics="networks")
+    cases = [{"water.current_speed": u} for u in (0.5, 0.6, 0.7)]
+    lane = trust_of_sweep(experiment, cases)
+    assert lane["trust_status"] == "measured" and "lane changes that they had not seen" in lane["trust"]
+    little = trust_of_sweep(experiment, cases, {"wide_range_share": [0.0, 0.04, math.nan], "forward": [3.0, 2.0, 1.0]})
+    assert little["trust"] == lane["trust"]
+    wide = trust_of_sweep(experiment, cases, {"wide_range_share": [0.0, 0.3, math.nan]})
+    assert "5 drives kept apart" in wide["trust"]
+    left = trust_of_sweep(experiment, cases, {"out_of_range_share": [0.0, 0.4, 0.0]})
+    assert "outside the networks' training range for 40 % of the time" in left["trust_beyond"]
 
 
 def test_runs_together_have_the_range_of_all():
-    runs = [replace(RUN, water=Water.at_ratio(ratio, 0.5)) for ratio in (0.3, 0.5, 0.8)]
+    runs = [replace(RUN, water=Water.at_ratio(ratio, 0.5)) for ratio in (0.35, 0.5, 0.7)]
     assert [str(d) for d in trust_of_all(runs).departures] == ["duration 8 s (4 to 6 s)"]
-    runs = [replace(run, water=Water.at_ratio(ratio, 0.5)) for run, ratio in zip(runs, (0.1, 0.5, 0.8), strict=True)]
+    runs = [replace(run, water=Water.at_ratio(ratio, 0.5)) for run, ratio in zip(runs, (0.1, 0.5, 0.7), strict=True)]
     assert [str(d) for d in trust_of_all(runs).departures] == [
-        "depth ratio 0.1 (0.2 to 0.9)",
+        "depth ratio 0.1 (0.327 to 0.707)",
         "duration 8 s (4 to 6 s)",
     ]
     cheap = [replace(run, hydrodynamics=COEFFICIENTS.hydrodynamics) for run in runs[:2]]
@@ -577,6 +611,6 @@ def test_a_sweep_names_what_lies_beyond_in_any_of_its_cases():
     base = replace(amphibious_lane_change(), hydrodynamics="coefficients")
     published = base.coefficients.hull_surge_drag
     cases = [{"hydrodynamics.hull_surge_drag": share * published} for share in (1.0, 0.5)]
-    assert base.trust([{}])["trust_status"] == "measured"
-    assert "coefficients" in base.trust(cases)["trust_beyond"]
-    assert "initial speed 2 m/s" in replace(base, initial_speed=2.0).trust([{}])["trust_beyond"]
+    assert trust_of_sweep(base, [{}])["trust_status"] == "measured"
+    assert "coefficients" in trust_of_sweep(base, cases)["trust_beyond"]
+    assert "initial speed 2 m/s" in trust_of_sweep(replace(base, initial_speed=2.0), [{}])["trust_beyond"]

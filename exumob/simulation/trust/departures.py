@@ -139,12 +139,21 @@ def departures_by_froude(
     table, scale = measured_errors(), time_scale(run.vehicle)
     ends, sides = {}, "ahead" if card is None else str(card["directions"])
     for name, factor in (("depth_ratio", 1.0), ("current_speed", scale)):
-        known = card[name] if card is not None else [row[name] for row in table["runs"]]
+        known = driven_in(card)[name] if card is not None else [row[name] for row in table["runs"]]
         ends[name] = [factor * end(known) for end in (min, max)]
     yield from _water_departures(run, ends, table["density"], met, sides)
     lowest = min(run.maneuver.wheel_speed(time)[0] for time in np.linspace(0.0, run.steps.duration, 50))
     if lowest < 0.0:
         yield Departure("reversing", (f"at {-lowest:.3g} rad/s",), "forwards")
+
+
+def driven_in(card: Mapping[str, Any]) -> dict[str, list[float]]:
+    """Ranges of water of the drives of a card, by quantity; of the runs that taught where its drives do not say."""
+    found = {}
+    for name in ("depth_ratio", "current_speed"):
+        values = [float(one[name]) for one in card["drives"] if isinstance(one.get(name), int | float)] or card[name]
+        found[name] = [min(values), max(values)]
+    return found
 
 
 def merged(departures: Iterable[Departure]) -> list[Departure]:
@@ -161,7 +170,7 @@ def _card_departures(
 ) -> Iterator[Departure]:
     """Find in what a run lies beyond what the card of its networks holds."""
     model = run.hydrodynamics
-    yield from _water_departures(run, card, TRAINED_DENSITY, met, str(card["directions"]))
+    yield from _water_departures(run, driven_in(card), TRAINED_DENSITY, met, str(card["directions"]))
     yield from _coupling_departures(run)
     if not any(is_published_as(run.soil, soil) for soil in card["soils"]):
         yield Departure("soil", (run.soil.name or "of your own",), ", ".join(card["soils"]))

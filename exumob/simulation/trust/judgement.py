@@ -8,7 +8,7 @@ what (`exumob.simulation.trust.departures`); where the vehicle is another one it
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -45,7 +45,7 @@ from exumob.simulation.trust.measured_runs import (
 )
 from exumob.simulation.trust.soil_line import soil_line
 from exumob.support.measured import flow_load_error, measured_errors
-from exumob.support.wording import percent, percents
+from exumob.support.wording import percent, percents, rounded_span
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.vehicle_shape import times_as_large
 from exumob.vehicle.parameters import Vehicle
@@ -147,12 +147,23 @@ def trust_of(
     return _together([(run, out_of_range, fallback, met)], wide)
 
 
-def trust_of_all(runs: Iterable[RunDescription]) -> Trust:
+def trust_of_all(
+    runs: Sequence[RunDescription], out_of_range: Sequence[float] | None = None, wide: float | None = None
+) -> Trust:
     """Compare many runs with one model, those of a sweep or a map, with those whose errors were measured.
 
     What differs is named once, with its range over all runs. All have the model of the first one.
+
+    Parameters
+    ----------
+    runs : sequence of RunDescription
+    out_of_range : sequence of float, optional
+        Share of the time for which some body was outside the networks' training range, of each run [-].
+    wide : float, optional
+        Largest share in the loads of a run of networks that take over beyond the range of the first ones [-].
     """
-    return _together([(run, None, None, None) for run in runs])
+    outside = [None] * len(runs) if out_of_range is None else out_of_range
+    return _together([(run, share, None, None) for run, share in zip(runs, outside, strict=True)], wide)
 
 
 _Case = tuple[RunDescription, float | None, float | None, WaterMet | None]
@@ -345,7 +356,9 @@ def _learnt(model: SurrogateHydrodynamics, card: Mapping[str, Any], vehicle: Veh
     error = (
         f"{drives}; on {card['runs']} runs kept apart the loads were off by {card['load_error']:.2g} of their "
         f"deviation (worst {card['worst_load']}), {inside} ({card['vehicle']}, learnt from {card['seconds']:.0f} s of "
-        f"flow on cells of {1e3 * card['cell_size']:.3g} mm, whose own error comes on top)."
+        f"flow at depth ratios of {rounded_span(*card['depth_ratio'])}, currents of "
+        f"{rounded_span(*card['current_speed'])} m/s, on cells of {1e3 * card['cell_size']:.3g} mm, whose own error "
+        "comes on top)."
     )
     if not ends:
         return Trust(label, "not validated", error, soil, advice="their drives were never compared. Where known,")
