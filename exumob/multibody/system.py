@@ -33,7 +33,7 @@ from exumob.multibody.soil_contact import DAMPING_ENTRIES, HULL_ENTRIES, hull_ta
 from exumob.multibody.solver_settings import LOOSER, SPECTRAL_RADIUS, TOLERANCE, integration_settings
 from exumob.support.arrays import Array
 from exumob.support.errors import SimulationError
-from exumob.support.exudyn import exu
+from exumob.support.exudyn import exu, held_weakly
 from exumob.vehicle.motion import BodyStates
 from exumob.vehicle.parameters import Vehicle
 from exumob.vehicle.point_force import PointForce
@@ -256,9 +256,9 @@ class MultibodyVehicle:
         self._q[:] = data.GetODE2Coordinates(configuration=exu.ConfigurationType.Initial)
         self._v[:] = data.GetODE2Coordinates_t(configuration=exu.ConfigurationType.Initial)
         self._evaluate(0.0)  # Exudyn computes initial accelerations without calling the residual hook
-        self.mbs.SetPreNewtonResidualUserFunction(self._before_residual)
-        self.mbs.SetPostStepUserFunction(self._after_step)
-        self.mbs.SetSystemJacobianUserFunction(self._load_jacobian)
+        self.mbs.SetPreNewtonResidualUserFunction(held_weakly(self._before_residual))
+        self.mbs.SetPostStepUserFunction(held_weakly(self._after_step))
+        self.mbs.SetSystemJacobianUserFunction(held_weakly(self._load_jacobian))
         if not self._solver.InitializeSolver(self.mbs, settings):
             raise SimulationError(f"{self.vehicle.name}: Exudyn could not start: {self._solver.GetErrorString()}")
         self._evaluate(0.0)
