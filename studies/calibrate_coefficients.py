@@ -2,13 +2,14 @@
 
 The published coefficients know no bow wave, suction or trim. `exumob.water.wave_loads` gives these loads a form by
 dimensional analysis, `exumob.learning.calibration` fits its coefficients to runs with the flow in the loop: the nine
-training runs of the amphibious vehicle (`data/cfd_mbd`) and a lane change of each of three other vehicles (D50/U0.5,
-speeds and times by Froude's law, cells of 0.14 of the tyre's diameter). They are written to
+training runs of the amphibious vehicle (`data/cfd_mbd`) and a lane change of each of three other vehicles (`data/cars`:
+D50/U0.5, speeds and times by Froude's law, cells of 0.14 of the tyre's diameter). They are written to
 `exumob/water/wave_loads.json`. Judges: each of the three other vehicles with coefficients that were fitted without it,
 and the amphibious vehicle's four unseen runs, with these coefficients and with those fitted to its own runs alone.
 
-Run: python studies/calibrate_coefficients.py [--jobs 2]     (the three flow runs take ten minutes of a core each, once)
-     python studies/calibrate_coefficients.py --present      (five minutes, with the flow runs that there are)
+Run: python studies/calibrate_coefficients.py                      (five minutes)
+     python studies/calibrate_coefficients.py --anew [--jobs 2]    (makes the three runs of `data/cars` anew first, a
+     quarter of an hour of one core each; it goes on where it was stopped)
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
-from common import CFD_RUNS, save, study_parser
+from common import CAR_RUNS, CFD_RUNS, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob import Soil, simulate
@@ -30,11 +31,13 @@ from exumob.flow.cost import flow_cost
 from exumob.flow.vehicle_window import vehicle_window
 from exumob.learning.calibration import THINNING, Runs, fit_wave_coefficients
 from exumob.learning.campaign import LearningFolder, run_campaign
-from exumob.learning.dataset import base_loads, body_states, load_runs, usable
+from exumob.learning.compact import EVERY, thinned
+from exumob.learning.dataset import base_loads, body_states, check_geometry, load_run, load_runs, usable
 from exumob.learning.evaluation import FAST, closed_loop
 from exumob.learning.plan import FreeTask
 from exumob.paper.reference_runs import SOIL, set_up_log, work_folder
 from exumob.paper.scenarios import TRAINING, UNSEEN
+from exumob.simulation.result_files import save_dataset
 from exumob.simulation.settings import time_scale, usual_speed
 from exumob.support.arrays import Array
 from exumob.support.figures import STYLE
@@ -77,18 +80,27 @@ def other_task(name: str, vehicle: Vehicle) -> FreeTask:
     return FreeTask(f"{name}_D50_U0.5", "apart", water, maneuver, duration, size, cost)
 
 
-def other_runs(jobs: int, present_only: bool) -> dict[str, tuple[Vehicle, FreeTask, xr.Dataset]]:
-    """Flow runs of the other vehicles: those that there are, and, unless `present_only`, the others, which are made."""
+def other_runs() -> dict[str, tuple[Vehicle, FreeTask, xr.Dataset]]:
+    """Flow runs of the other vehicles, those of `data/cars`."""
     found = {}
+    for name, make in OTHERS.items():
+        vehicle = make()
+        found[name] = vehicle, other_task(name, vehicle), load_run(CAR_RUNS / f"{name}.nc")
+        check_geometry({name: found[name][2]}, vehicle)
+    return found
+
+
+def make_other_runs(jobs: int) -> None:
+    """Make the flow runs of the other vehicles, and put them, thinned, into `data/cars`."""
     for name, make in OTHERS.items():
         vehicle = make()
         task, folder = other_task(name, vehicle), LearningFolder(work_folder() / "other_vehicles" / name)
         folder.claim(vehicle, task.cell_size)
-        if not present_only and (failed := run_campaign([task], vehicle, folder, jobs=jobs)):
+        if failed := run_campaign([task], vehicle, folder, jobs=jobs):
             raise RuntimeError(f"{name}: {failed}")
-        if not folder.unfinished([task]):
-            found[name] = vehicle, task, folder.load(mixed=True, vehicle=vehicle)[task.name]
-    return found
+        CAR_RUNS.mkdir(parents=True, exist_ok=True)
+        run, every = folder.load(vehicle=vehicle)[task.name], round(EVERY * time_scale(vehicle))
+        save_dataset(thinned(run, every=every), CAR_RUNS / f"{name}.nc")
 
 
 def _relative(loads: Array, true: Array) -> float:
@@ -186,13 +198,15 @@ def plot(found: xr.Dataset) -> Figure:
     return figure
 
 
-def main(quick: bool = False, jobs: int = 2, present_only: bool = False) -> xr.Dataset:
+def main(quick: bool = False, jobs: int = 2, anew: bool = False) -> xr.Dataset:
     """Fit, write the coefficients, compare; with `quick` three runs are fitted, one judged, and nothing is written."""
     vehicle = amphibious_vehicle()
     taught = TRAINING[::4] if quick else TRAINING
     runs = load_runs(CFD_RUNS / f"{scenario.file_stem}.nc" for scenario in taught)
     groups: dict[str, Runs] = {vehicle.name: (vehicle, runs)}
-    others = {} if quick else other_runs(jobs, present_only)
+    if anew and not quick:
+        make_other_runs(jobs)
+    others = {} if quick else other_runs()
     groups |= {name: (other, {task.name: run}) for name, (other, task, run) in others.items()}
     fitted = fit_wave_coefficients(list(groups.values()))
     own = fit_wave_coefficients([groups[vehicle.name]], fitted)
@@ -205,13 +219,7 @@ def main(quick: bool = False, jobs: int = 2, present_only: bool = False) -> xr.D
         found[scenario.name] = compared(run, vehicle, scenario.water(vehicle), scenario.maneuver(), models)
     if quick:
         return table(found)
-    about = {"command": "python studies/calibrate_coefficients.py"}
-    if len(others) == len(OTHERS):
-        replace(fitted, about=about | fitted.about).save(FITTED)
-    else:
-        print(
-            f"{FITTED.name} stays as it is: only the flow runs of {', '.join(others) or 'no other vehicle'} are there."
-        )
+    replace(fitted, about={"command": "python studies/calibrate_coefficients.py"} | fitted.about).save(FITTED)
     for name, (other, task, run) in others.items():
         assert isinstance(task.maneuver, LaneChange)
         without = fit_wave_coefficients([group for key, group in groups.items() if key != name])
@@ -225,6 +233,6 @@ def main(quick: bool = False, jobs: int = 2, present_only: bool = False) -> xr.D
 if __name__ == "__main__":
     parser = study_parser(__doc__)
     parser.add_argument("--jobs", type=int, default=2, help="processes")
-    parser.add_argument("--present", dest="present_only", action="store_true", help="do not compute what is missing")
+    parser.add_argument("--anew", action="store_true", help="make the flow runs of the cars anew first")
     set_up_log()
     print(lines(main(**vars(parser.parse_args()))))

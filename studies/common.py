@@ -31,6 +31,8 @@ CFD_RUNS = Path(__file__).parents[1] / "data" / "cfd_mbd"
 """Folder of the data set: the thirteen packed runs with the flow in the loop."""
 FULL_RANGE_RUNS = CFD_RUNS.parent / "full_range"
 """Folder of the runs that `exumob learn` made for the whole range, thinned."""
+CAR_RUNS = CFD_RUNS.parent / "cars"
+"""Folder of a lane change of each of the other vehicles with the flow in the loop, thinned."""
 FULL_RANGE_CELLS, FULL_RANGE_BUDGET = 0.022, 4.0
 """Width of their cells [m], and the budget that they were planned with [h]."""
 

@@ -36,15 +36,15 @@ GRAIN = {
 BITS = 9
 """Bits kept behind the leading one."""
 THINNED, EVERY = "thinned", 4
-"""Attribute of a thinned run: one sample is kept of so many."""
+"""Attribute of a thinned run: one sample is kept of so many; how many in the data set."""
 DRIVEN = (
     "position", "quaternion", "velocity", "angular_velocity", "acceleration", "angular_acceleration", "wheel_speed",
     "steering_angle", "slip_ratio", "water_wrench",
 )  # fmt: skip
 """Variables of a run that teach networks, and by which it is compared with others."""
 AVERAGED = ("acceleration", "angular_acceleration", "water_wrench", "soil_force", "hull_soil_force")
-"""Variables of which a thinned run keeps means over five samples, so that what lies between two kept ones is not
-lost."""
+"""Variables of which a thinned run keeps means over five samples (one more than `every`), so that what lies between two
+kept ones is not lost."""
 JUMPS, NONE = "jumps", "none"
 """Attribute of a thinned run: times of the jumps of its loads (`jumps`), which cannot be seen in it any more [s]; and
 its text where there are none."""
@@ -68,7 +68,7 @@ def compact(run: xr.Dataset) -> xr.Dataset:
     return kept.assign(rounded).assign_attrs({MARK: "rounded; angles, speeds, flow states, smoothed loads left out"})
 
 
-def thinned(run: xr.Dataset, variables: Collection[str] | None = DRIVEN) -> xr.Dataset:
+def thinned(run: xr.Dataset, variables: Collection[str] | None = DRIVEN, every: int = EVERY) -> xr.Dataset:
     """Keep of a packed run every fourth sample, rounded as by `compact`.
 
     Parameters
@@ -77,16 +77,18 @@ def thinned(run: xr.Dataset, variables: Collection[str] | None = DRIVEN) -> xr.D
         See `exumob.learning.dataset.pack`.
     variables : collection of str, optional
         Those that are kept; None: all.
+    every : int
+        Number of samples of which one is kept; of a vehicle several times as large more, as its times are longer.
     """
     found = jumps(run)
     kept = run if variables is None else run[[name for name in variables if name in run]]
     means = {
-        name: kept[name].copy(data=uniform_filter1d(kept[name].values, EVERY + 1, axis=0, mode="nearest"))
+        name: kept[name].copy(data=uniform_filter1d(kept[name].values, every + 1, axis=0, mode="nearest"))
         for name in AVERAGED if name in kept
     }  # fmt: skip
     said = " ".join(f"{time:.3f}" for time in found) or NONE
-    few = compact(kept.assign(means).isel(time=slice(None, None, EVERY)))
-    return few.assign_attrs({THINNED: EVERY, JUMPS: said})
+    few = compact(kept.assign(means).isel(time=slice(None, None, every)))
+    return few.assign_attrs({THINNED: every, JUMPS: said})
 
 
 def jumps(run: xr.Dataset) -> Array:
