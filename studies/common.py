@@ -33,7 +33,7 @@ FULL_RANGE_RUNS = CFD_RUNS.parent / "full_range"
 """Folder of the runs that `exumob learn` made for the whole range, thinned."""
 CAR_RUNS = CFD_RUNS.parent / "cars"
 """Folder of a lane change of each of the other vehicles with the flow in the loop, thinned."""
-FULL_RANGE_CELLS, FULL_RANGE_BUDGET = 0.022, 4.0
+FULL_RANGE_CELLS, FULL_RANGE_BUDGET = 0.022, 4.2
 """Width of their cells [m], and the budget that they were planned with [h]."""
 
 

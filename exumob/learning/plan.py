@@ -27,7 +27,7 @@ from exumob.flow.grid import CELL_SIZE
 from exumob.flow.resolution import lengths_in_cells
 from exumob.flow.vehicle_window import vehicle_window
 from exumob.learning.cost import seed_time
-from exumob.learning.drives import FASTEST, SOILS, judging_drives, maneuver_name, teaching_drive
+from exumob.learning.drives import FASTEST, SOFTEST, SOILS, judging_drives, maneuver_name, teaching_drive
 from exumob.learning.presets import PRESETS, WHOLE_RANGE, Preset
 from exumob.paper.reference_runs import SOIL
 from exumob.simulation.cost import REPEATED, driving_time
@@ -55,6 +55,9 @@ APART = 5
 """One captive run in so many is kept apart: the last of each group."""
 LEAST_DRIVES, DRIVES_A_ROUND = 4, 3
 """Drives that teach at least, and those that are added for each captive run."""
+ON_SOFT_GROUND, EVERY_ROUND = 100, 4
+"""Number of the first drive on the softest ground, in the deepest water: there the wheels are deepest in it; and in how
+many rounds there is one."""
 FIRST = (0, 1, 4, 5, 2, 3)
 """Numbers of the first drives: two at the ends of the ranges, two within, and the other ends."""
 CELLS = 0.09
@@ -335,9 +338,10 @@ def make_plan(  # each argument is a choice of its own
     duration = max(round(10.0 * part * usual), 1) / 10.0 if run_time is None else run_time
     costs = _Costs(vehicle, cell_size)
     drives, judges = _teaching(vehicle, wanted, duration, costs), _judging(vehicle, wanted, part, costs)
+    soft = _on_soft_ground(vehicle, wanted, duration, costs)
     captive, captive_apart = itertools.tee(_captive(vehicle, wanted, envelope, duration, costs))
     order = _order(
-        drives, judges, (task for task in captive if task.role == "teach"),
+        drives, soft, judges, (task for task in captive if task.role == "teach"),
         (task for task in captive_apart if task.role == "apart"),
     )  # fmt: skip
     chosen = list(itertools.islice(order, LEAST_DRIVES + 3))
@@ -453,8 +457,9 @@ def _divides(step: float, duration: float) -> bool:
 
 
 def _order(
-    drives: Iterator[FreeTask], judges: Iterator[FreeTask], captive: Iterator[CaptiveTask], apart: Iterator[CaptiveTask]
-) -> Iterator[Task]:
+    drives: Iterator[FreeTask], soft: Iterator[FreeTask], judges: Iterator[FreeTask],
+    captive: Iterator[CaptiveTask], apart: Iterator[CaptiveTask],
+) -> Iterator[Task]:  # fmt: skip
     """All runs in the order in which a budget buys them, without end: first the least, then rounds of some of each."""
     first = list(itertools.islice(drives, len(FIRST)))
     drives = itertools.chain((first[number] for number in FIRST), drives)
@@ -462,6 +467,8 @@ def _order(
     yield from (next(captive), next(apart), next(judges))
     for number in itertools.count(1):
         yield from itertools.islice(drives, DRIVES_A_ROUND)
+        if number % EVERY_ROUND == 1:
+            yield next(soft)
         yield next(captive)
         if number < MOST_APART:
             yield next(judges)
@@ -476,6 +483,16 @@ def _teaching(vehicle: Vehicle, wanted: LearningRange, duration: float, costs: _
         water, maneuver = wanted.water(vehicle, *shares), teaching_drive(vehicle, number, duration)
         soil = SOILS[(number + number // len(SOILS)) % len(SOILS)]
         yield _drive("drive", number, "teach", (water, maneuver, duration, soil), costs)
+
+
+def _on_soft_ground(
+    vehicle: Vehicle, wanted: LearningRange, duration: float, costs: _Costs
+) -> Iterator[FreeTask]:  # fmt: skip
+    """Drives that teach on the softest ground, one after the other, without end."""
+    for number in itertools.count(ON_SOFT_GROUND):
+        _, current, side = _shares(number, 3)
+        what = wanted.water(vehicle, 1.0, current, side), teaching_drive(vehicle, number, duration), duration, SOFTEST
+        yield _drive("drive", number, "teach", what, costs)
 
 
 def _judging(vehicle: Vehicle, wanted: LearningRange, part: float, costs: _Costs) -> Iterator[FreeTask]:
