@@ -31,7 +31,7 @@ from exumob.flow.cost import flow_cost
 from exumob.flow.vehicle_window import vehicle_window
 from exumob.learning.calibration import THINNING, Runs, fit_wave_coefficients
 from exumob.learning.campaign import LearningFolder, run_campaign
-from exumob.learning.compact import EVERY, thinned
+from exumob.learning.compact import thinned
 from exumob.learning.dataset import base_loads, body_states, check_geometry, load_run, load_runs, usable
 from exumob.learning.evaluation import FAST, closed_loop
 from exumob.learning.plan import FreeTask
@@ -58,6 +58,8 @@ DEPTH, CURRENT = 0.5, 0.5
 """Depth over the tyre's diameter, and head current of the paper's vehicle [m/s], in their runs."""
 CELLS = 0.14
 """Size of the cells in their runs over the tyre's diameter."""
+KEPT = 10
+"""One millisecond of so many is kept of them: their times are twice those of the paper's vehicle."""
 MODELS = ("coefficients", "calibrated", "without it", "own runs")
 """What is compared with the flow: published coefficients, and those fitted to the runs of all vehicles, to those of all
 but the one that is judged, and to those of its own alone."""
@@ -99,8 +101,7 @@ def make_other_runs(jobs: int) -> None:
         if failed := run_campaign([task], vehicle, folder, jobs=jobs):
             raise RuntimeError(f"{name}: {failed}")
         CAR_RUNS.mkdir(parents=True, exist_ok=True)
-        run, every = folder.load(vehicle=vehicle)[task.name], round(EVERY * time_scale(vehicle))
-        save_dataset(thinned(run, every=every), CAR_RUNS / f"{name}.nc")
+        save_dataset(thinned(folder.load(vehicle=vehicle)[task.name], every=KEPT), CAR_RUNS / f"{name}.nc")
 
 
 def _relative(loads: Array, true: Array) -> float:

@@ -79,7 +79,17 @@ def thinned(run: xr.Dataset, variables: Collection[str] | None = DRIVEN, every: 
         Those that are kept; None: all.
     every : int
         Number of samples of which one is kept; of a vehicle several times as large more, as its times are longer.
+
+    Raises
+    ------
+    ValueError
+        If the last sample would be left out.
     """
+    if (run.sizes["time"] - 1) % every:
+        raise ValueError(
+            f"thinned.every = {every} leaves out the last of {run.sizes['time']} samples; give a divisor of "
+            f"{run.sizes['time'] - 1}."
+        )
     found = jumps(run)
     kept = run if variables is None else run[[name for name in variables if name in run]]
     means = {

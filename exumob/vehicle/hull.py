@@ -136,6 +136,7 @@ class Hull(Declared):
                 f"Hull.{given} and Hull.mesh are both given, and a mesh is the whole body; leave one of them out."
             )
         self._check_sizes()
+        self._check_joined()
         density = self.mass / (self.length * self.width * self.height)
         if not 5.0 <= density <= 5000.0 and not isinstance(self.mass, Unusual):
             raise ImplausibleValue(
@@ -184,6 +185,25 @@ class Hull(Declared):
                 "sweep."
             )
 
+    def _check_joined(self) -> None:
+        """Refuse boxes that hang in the air beside the rest of the hull."""
+        ends = [(profile.min(axis=0), profile.max(axis=0)) for profile in (part.side_profile() for part in self.parts)]
+        joined, left = [0], list(range(1, len(ends)))
+        size = 1e-6 * self.length
+        while near := [n for n in left if any(_touch(ends[n], ends[m], size) for m in joined)]:
+            joined += near
+            left = [n for n in left if n not in near]
+        for n in left:
+            box = self.boxes[n - 1]
+            if not isinstance(box.bottom, Unusual):
+                (x_low, z_low), (x_high, z_high) = ends[n]
+                raise ImplausibleValue(
+                    f"Hull.boxes[{n - 1}] hangs in the air: it reaches from {x_low:.4g} to {x_high:.4g} m ahead of mid "
+                    f"wheelbase and from {z_low:.4g} to {z_high:.4g} m above the ground, and touches nothing of the "
+                    f"hull (its first box ends {ends[0][1][1]:.4g} m above the ground); mend its bottom, which counts "
+                    f"from the ground, or its center_x. If it is meant: bottom=unusual({box.bottom:g})."
+                )
+
     @property
     def inertia_tensor(self) -> Array:
         """Inertia tensor about the centre of mass, hull axes [kg m^2], shape (3, 3)."""
@@ -211,6 +231,11 @@ class Hull(Declared):
         half = 0.5 * max(part.width for part in self.parts)
         (x_low, z_low), (x_high, z_high) = (f([f(o, axis=0) for o in outlines], axis=0) for f in (np.min, np.max))
         return np.array([x_low, -half, z_low]), np.array([x_high, half, z_high])
+
+
+def _touch(one: tuple[Array, Array], other: tuple[Array, Array], size: float) -> bool:
+    """Whether two rectangles, given by their corners, overlap or touch to within a size [m]."""
+    return bool((one[0] <= other[1] + size).all() and (other[0] <= one[1] + size).all())
 
 
 def _check_rake(owner: str, box: Hull | Box) -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from exumob.support.quantities import ImplausibleValue, unusual
 from exumob.surrogates.vehicle_shape import geometry
 from exumob.sweeps.experiment import amphibious_lane_change
 from exumob.vehicle.body import arch_of, body_faces, is_plain, triangulated, with_shared_corners
@@ -207,3 +208,16 @@ def test_a_sweep_over_the_stern_takes_no_networks_of_another_shape():
     assert base.with_one_model([{"hull.mass": 49.0}]).hydrodynamics == "networks"
     cases = [{"hull.stern_length": length, "hull.stern_height": 0.05} for length in (0.0, 0.1)]
     assert base.with_one_model(cases).hydrodynamics == "calibrated"
+
+
+def test_a_box_that_hangs_in_the_air_is_asked_about(vehicle):
+    """Heights count from the ground: a cabin meant 1.0 m above the deck, a bed behind the hull; a tower is one hull."""
+    hull = vehicle.hull
+    deck = hull.ground_clearance + hull.height
+    with pytest.raises(ImplausibleValue, match=r"Hull.boxes\[0\] hangs in the air: .* from 1\.\d+ to .* counts from"):
+        replace(hull, boxes=(Box(0.3, 0.3, 0.1, deck + 1.0),))
+    with pytest.raises(ImplausibleValue, match=r"Hull.boxes\[1\] hangs in the air"):
+        replace(hull, boxes=(Box(0.3, 0.3, 0.1, deck), Box(0.3, 0.3, 0.1, hull.ground_clearance, center_x=-2.0)))
+    tower = (Box(0.3, 0.3, 0.1, deck + 0.1), Box(0.3, 0.3, 0.1, deck))
+    assert len(replace(hull, boxes=tower).parts) == 3
+    assert len(replace(hull, boxes=(Box(0.3, 0.3, 0.1, unusual(deck + 0.5)),)).parts) == 2

@@ -142,10 +142,12 @@ def test_a_thinned_run_judges_as_the_whole_one(run, tmp_path):
     a, b = (data["water_wrench_smooth"].values[late].astype(float) for data in (found, packed))
     assert np.sqrt(np.mean((a - b) ** 2)) < 0.01 * b.std()
     assert closed_loop(found, packed)["final"] < 1e-3
-    fewer = load_runs([save_dataset(thinned(packed, every=8), tmp_path / "fewer.nc")])["mine"]
+    fewer = load_runs([save_dataset(thinned(packed, every=10), tmp_path / "fewer.nc")])["mine"]
     assert (tmp_path / "fewer.nc").stat().st_size < 0.7 * file.stat().st_size
     np.testing.assert_allclose(fewer["time"], packed["time"][: fewer.sizes["time"]], atol=1e-9)
     assert np.abs(fewer["position"].values - packed["position"].values[: fewer.sizes["time"]]).max() < 1e-5
+    with pytest.raises(ValueError, match=r"thinned.every = 7 leaves out the last of \d+ samples; give a divisor"):
+        thinned(packed, every=7)
 
 
 def test_a_thinned_run_keeps_all_that_it_is_asked_for_and_knows_its_jumps(run, tmp_path):

@@ -154,7 +154,11 @@ def test_for_another_vehicle_the_water_beyond_what_was_tried_is_named(change, te
     found = trust_of(run)
     assert found.status == "not validated"
     assert found.attributes()["trust_beyond"] == text
-    assert (f"Beyond what was tried anywhere: {text}." in found.line) == bool(text)
+    assert found.line.startswith(
+        f"calibrated, not validated, and beyond what was tried anywhere by {text}:"
+        if text
+        else "calibrated, not validated:"
+    )
 
 
 def test_the_papers_networks_have_errors_of_their_own():

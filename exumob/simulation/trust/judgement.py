@@ -96,10 +96,9 @@ class Trust:
         where = {
             "measured": ", measured on runs like this one: ",
             "beyond": f", beyond what was measured: {self._beyond}. {self.advice} Where measured, ",
-            "not validated": f", not validated: {self.advice} ",
+            "not validated": f", not validated{self._untried}: {self.advice} ",
         }[self.status]  # fmt: skip
-        untried = self._untried if self.status == "not validated" else ""
-        return f"{self.model}{where}{self.error} {untried}{self.soil}".replace("  ", " ")
+        return f"{self.model}{where}{self.error} {self.soil}".replace("  ", " ")
 
     @property
     def _beyond(self) -> str:
@@ -108,7 +107,8 @@ class Trust:
 
     @property
     def _untried(self) -> str:
-        return f"Beyond what was tried anywhere: {self._beyond}. " if self.departures else ""
+        """What lies beyond all that was tried comes first: no figure behind it holds there."""
+        return f", and beyond what was tried anywhere by {self._beyond}" if self.departures else ""
 
     def attributes(self) -> dict[str, str | float]:
         """Return the line and its parts, as kept in results."""
