@@ -49,6 +49,9 @@ NEEDED: dict[str, tuple[str, ...]] = {
 """Variables of a run without which there is no verdict, with their dimensions."""
 DRIFTING = 0.15
 """Part of the speed that goes aside from which it is named by itself [-]."""
+STRAIGHT, CARRIED = 0.02, (0.25, 0.05)
+"""Largest angle of wheels that are steered straight [rad], and the way aside from which it is named then: over the
+wheelbase, and over the whole way [-]."""
 FURTHER = (
     "water_wrench", "quaternion", "water_load", "water_level", "water_depth", "steering_angle", "hull_soil_force",
     "hull_contact_center",
@@ -275,7 +278,23 @@ def _judged(run: xr.Dataset, limits: VerdictLimits, size: Dimensions, level: Arr
     tread = size.wheel_radius * abs(float(late["wheel_speed"].mean()))
     share = f", {100.0 * speed / tread:.0f} % of the speed of its tyres" if not still and tread > 0.0 else ""
     text = "stands: its wheels are not commanded to turn" if still else f"drives: {said}{share} at the end"
-    return Verdict(at_end, math.nan, math.nan, _joined(text, ended), (), flags, limits)
+    aside_too = "" if still else _carried(run.isel(time=slice(finite)), size)
+    return Verdict(at_end, math.nan, math.nan, _joined(text, aside_too, ended), (), flags, limits)
+
+
+def _carried(run: xr.Dataset, size: Dimensions) -> str:
+    """Say how far aside a vehicle went that was steered straight; empty if that is little, or if it was steered."""
+    if "steering_angle" not in run or float(np.abs(run["steering_angle"]).max()) > STRAIGHT:
+        return ""
+    way = run["position"].sel(body="hull", axis=["x", "y"]).values[[0, -1]].astype(float)
+    first, last = run["yaw"].sel(body="hull").values[[0, -1]].astype(float)
+    x, y = way[1] - way[0]
+    aside = math.cos(first) * y - math.sin(first) * x
+    if abs(aside) < max(CARRIED[0] * size.wheelbase, CARRIED[1] * math.hypot(x, y)):
+        return ""
+    turned = math.degrees(math.remainder(last - first, math.tau))
+    side = "left" if aside > 0.0 else "right"
+    return f"steered straight, it went {abs(aside):.2f} m to its {side} and turned by {turned:+.0f} deg"
 
 
 def with_verdict(run: xr.Dataset, verdict: Verdict) -> xr.Dataset:
