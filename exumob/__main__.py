@@ -21,6 +21,7 @@ from exumob.commands.sweep import sweep_command
 from exumob.commands.terminal import log_handler
 from exumob.commands.train import train_command
 from exumob.commands.verify import verify_command
+from exumob.support.processes import terminate_as_interrupted
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -45,6 +46,7 @@ def main(
     ] = False,
 ) -> None:
     """Predict how an off-road vehicle moves through shallow water on soft soil."""
+    terminate_as_interrupted()
     logging.basicConfig(level=logging.WARNING, handlers=[log_handler(errors)])
     logging.getLogger("exumob.support.cost").setLevel(logging.INFO)  # what a run will take
 

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 INTERVAL = 0.5
 """How often a process looks for its parent [s]."""
@@ -43,6 +44,25 @@ def end_with_parent(parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, name="end with parent", daemon=True).start()
+
+
+def terminate_as_interrupted() -> None:
+    """Let `kill PID` stop this process as Ctrl-C does: what was computed is kept. Processes that it forks just end.
+
+    A job that a script began with `&` ignores Ctrl-C, and so does it `kill -INT`: long runs are often started so.
+    """
+    owner = os.getpid()
+
+    def stop(number: int, frame: Any) -> None:
+        if os.getpid() != owner:
+            os._exit(128 + number)
+        asked = signal.getsignal(signal.SIGINT)
+        if not callable(asked):
+            raise KeyboardInterrupt
+        asked(signal.SIGINT, frame)
+
+    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, stop)
 
 
 def lives(pid: int) -> bool:

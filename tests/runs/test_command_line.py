@@ -2,6 +2,7 @@
 
 import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -206,7 +207,7 @@ import os, signal, threading, exumob.multibody.system as m
 from vehicle_models.amphibious import amphibious_vehicle as _base
 _original, _started = m.MultibodyVehicle.{method}, []
 def _interrupt():
-    os.kill(os.getpid(), signal.SIGINT)
+    os.kill(os.getpid(), signal.{signal})
 def _watched(self, *arguments):
     if not _started and {condition}:
         _started.append(threading.Timer({delay}, _interrupt))
@@ -221,9 +222,15 @@ def car():
 
 
 @pytest.mark.usefixtures("interruptible")
-@pytest.mark.parametrize("delay", [0.0, 0.0137])
-def test_ctrl_c_saves_what_was_computed(tmp_path, delay):
-    text = INTERRUPTED.format(method="advance", condition="arguments[0] > 0.15", delay=delay)
+@pytest.mark.parametrize(
+    ("delay", "sent", "ignored"),
+    [(0.0, "SIGINT", False), (0.0137, "SIGINT", False), (0.0137, "SIGTERM", False), (0.0137, "SIGTERM", True)],
+)
+def test_ctrl_c_and_kill_save_what_was_computed(tmp_path, delay, sent, ignored):
+    """Also `kill` of a job in the background of a script, which ignores Ctrl-C."""
+    if ignored:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    text = INTERRUPTED.format(method="advance", condition="arguments[0] > 0.15", delay=delay, signal=sent)
     (tmp_path / "car.py").write_text(text)
     arguments = ["--duration", "60", "--micro-step", "5e-4", "--macro-step", "20e-3", "--vehicle", tmp_path / "car.py"]
     answer = program("lane-change", *arguments, "--output", tmp_path / "run.nc", cwd=tmp_path)
@@ -238,7 +245,7 @@ def test_ctrl_c_saves_what_was_computed(tmp_path, delay):
 
 @pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_while_settling_ends_without_a_traceback(tmp_path):
-    text = INTERRUPTED.format(method="settle", condition="True", delay=0.05)
+    text = INTERRUPTED.format(method="settle", condition="True", delay=0.05, signal="SIGINT")
     (tmp_path / "car.py").write_text(text)
     answer = program("lane-change", *SHORT, "--vehicle", tmp_path / "car.py", "--output", "run.nc", cwd=tmp_path)
     assert answer.returncode == 130, answer.stderr[-1500:]
