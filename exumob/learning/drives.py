@@ -20,7 +20,7 @@ from exumob.vehicle.parameters import Vehicle
 
 SOILS = ("Grenville loam 24 %", "LETE sand", "North Gower clayey loam 46 %")
 """Published soils of the drives, from firm to soft."""
-SOFTEST = "Lunar soil"
+SOFTEST = "Dry sand (Land Locomotion Lab)"
 """Published soil of a few drives in which the wheels sink deeper than on most others."""
 DURATION = 6.0
 """Of a drive that shows how a vehicle moves, times `time_scale` [s]."""
