@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -180,7 +182,10 @@ def _envelope(car: Vehicle, wanted: LearningRange, folder: Path) -> Envelope:
 
 def _make_runs(made: LearningPlan, folder: LearningFolder, jobs: int, mpi: bool) -> dict[str, str]:
     """Make the runs that are missing; say what broke down."""
+    from exumob.flow.forces import pressure_loads
     from exumob.learning.campaign import run_campaign
+    from exumob.support.compiled import say_compilation
+    from exumob.support.cost import spelled_time
 
     missing = folder.unfinished(made.tasks)
     if there := len(made.tasks) - len(missing):
@@ -189,13 +194,23 @@ def _make_runs(made: LearningPlan, folder: LearningFolder, jobs: int, mpi: bool)
         return {}
     total = sum(task.duration for task in missing)
     reached = {task.name: 0.0 for task in missing}
-    with simulated_time_bar(total, "preparing", "flow runs") as advance:
+    planned = {task.name: task.cost.seconds for task in missing}
+    began, ended = {name: math.nan for name in planned}, 0
+    say_compilation("the flow solver", pressure_loads, "about four minutes in each worker")
+    with simulated_time_bar(
+        total, "preparing", "flow runs", spinning_up="flow runs, the water spins up first"
+    ) as advance:
 
         def progress(step: RunProgress) -> None:
+            nonlocal ended
+            if math.isnan(began[step.name]):
+                began[step.name] = time.monotonic()
             reached[step.name] = max(step.time, 0.0)
             advance(min(sum(reached.values()), total))
             if step.done:
-                console.print(f"{step.name}: {step.error or 'finished'}", soft_wrap=True)
+                ended, took = ended + 1, time.monotonic() - began[step.name]
+                how = step.error or f"finished in {spelled_time(took)} (planned: {spelled_time(planned[step.name])})"
+                console.print(f"run {ended} of {len(missing)}, {step.name}: {how}", soft_wrap=True)
 
         return run_campaign(missing, made.vehicle, folder, jobs=jobs, mpi=mpi, progress=progress)
 

@@ -108,12 +108,16 @@ def _on_terminal() -> bool:
 
 @contextmanager
 def simulated_time_bar(
-    duration: float, before: str = "preparing", during: str = "towing", lead: float = 0.0
+    duration: float,
+    before: str = "preparing",
+    during: str = "towing",
+    lead: float = 0.0,
+    spinning_up: str = "spin-up of the water",
 ) -> Iterator[Callable[[float], None]]:
     """Bar with the time remaining; yields what takes the simulated time reached [s], from -lead on."""
 
     def name(time: float) -> str:
-        return during if time > 0.0 else "spin-up of the water"
+        return during if time > 0.0 else spinning_up
 
     if not _on_terminal():
         lines = ProgressLines(before, duration + lead, lambda done, _: f"{done - lead:.2f} of {duration:g} s")
