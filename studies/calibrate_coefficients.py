@@ -1,9 +1,10 @@
 """Do a few fitted terms mend the coefficient model, and do they carry over to other vehicles?
 
 The published coefficients know no bow wave, suction or trim. `exumob.water.wave_loads` gives these loads a form by
-dimensional analysis, `exumob.learning.calibration` fits its coefficients to runs with the flow in the loop: the nine
-training runs of the amphibious vehicle (`data/cfd_mbd`) and a lane change of each of three other vehicles (`data/cars`:
-D50/U0.5, speeds and times by Froude's law, cells of 0.14 of the tyre's diameter). They are written to
+dimensional analysis, `exumob.learning.calibration` fits its coefficients to runs with the flow in the loop: of the
+amphibious vehicle the nine lane changes of `data/cfd_mbd` and, as if of another vehicle, the drives over the whole
+range of `data/full_range` that teach; and a lane change of each of three other vehicles (`data/cars`: D50/U0.5, speeds
+and times by Froude's law, cells of 0.14 of the tyre's diameter). They are written to
 `exumob/water/wave_loads.json`. Judges: each of the three other vehicles with coefficients that were fitted without it,
 and the amphibious vehicle's four unseen runs, with these coefficients and with those fitted to its own runs alone.
 
@@ -21,7 +22,7 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
-from common import CAR_RUNS, CFD_RUNS, save, study_parser
+from common import CAR_RUNS, CFD_RUNS, FULL_RANGE_RUNS, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob import Soil, simulate
@@ -34,6 +35,7 @@ from exumob.learning.campaign import LearningFolder, run_campaign
 from exumob.learning.compact import thinned
 from exumob.learning.dataset import base_loads, body_states, check_geometry, load_run, load_runs, usable
 from exumob.learning.evaluation import FAST, closed_loop
+from exumob.learning.examples import training_runs
 from exumob.learning.plan import FreeTask
 from exumob.paper.reference_runs import SOIL, set_up_log, work_folder
 from exumob.paper.scenarios import TRAINING, UNSEEN
@@ -58,6 +60,8 @@ DEPTH, CURRENT = 0.5, 0.5
 """Depth over the tyre's diameter, and head current of the paper's vehicle [m/s], in their runs."""
 CELLS = 0.14
 """Size of the cells in their runs over the tyre's diameter."""
+WHOLE = "amphibious, whole range"
+"""Name of the amphibious vehicle in its drives over the whole range."""
 KEPT = 10
 """One millisecond of so many is kept of them: their times are twice those of the paper's vehicle."""
 MODELS = ("coefficients", "calibrated", "without it", "own runs")
@@ -207,6 +211,9 @@ def main(quick: bool = False, jobs: int = 2, anew: bool = False) -> xr.Dataset:
     groups: dict[str, Runs] = {vehicle.name: (vehicle, runs)}
     if anew and not quick:
         make_other_runs(jobs)
+    if not quick:
+        wide = training_runs(FULL_RANGE_RUNS / "runs")
+        groups[WHOLE] = replace(vehicle, name=WHOLE), {n: run for n, run in wide.items() if n.startswith("drive")}
     others = {} if quick else other_runs()
     groups |= {name: (other, {task.name: run}) for name, (other, task, run) in others.items()}
     fitted = fit_wave_coefficients(list(groups.values()))

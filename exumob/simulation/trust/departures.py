@@ -135,11 +135,16 @@ def dry_departures(run: RunDescription, table: Mapping[str, Any]) -> Iterator[De
 def departures_by_froude(
     run: RunDescription, met: WaterMet | None, card: Mapping[str, Any] | None = None
 ) -> Iterator[Departure]:
-    """Find in what the water of another vehicle lies beyond that of the measured runs, by Froude's law."""
+    """Find in what the water of another vehicle lies beyond that of the measured runs, by Froude's law.
+
+    With a card of networks these are its drives; of coefficients, those and the runs of the table.
+    """
     table, scale = measured_errors(), time_scale(run.vehicle)
     ends, sides = {}, "ahead" if card is None else str(card["directions"])
     for name, factor in (("depth_ratio", 1.0), ("current_speed", scale)):
-        known = driven_in(card)[name] if card is not None else [row[name] for row in table["runs"]]
+        known = [] if card is None else driven_in(card)[name]
+        if card is None or isinstance(run.hydrodynamics, CoefficientHydrodynamics):
+            known = [*known, *(row[name] for row in table["runs"])]
         ends[name] = [factor * end(known) for end in (min, max)]
     yield from _water_departures(run, ends, table["density"], met, sides)
     lowest = min(run.maneuver.wheel_speed(time)[0] for time in np.linspace(0.0, run.steps.duration, 50))

@@ -211,7 +211,8 @@ def _judged(cases: Sequence[_Case], card: Mapping[str, Any] | None) -> Trust:
         scaled = isinstance(model, SurrogateHydrodynamics) and shipped_name(model) is not None
         if not isinstance(model, CoefficientHydrodynamics) and not scaled:
             return trust
-        beyond = [d for run, _, _, met in cases for d in departures_by_froude(run, met, card)]
+        tried = full_range_card() if card is None and trust.model == "calibrated" else card
+        beyond = [d for run, _, _, met in cases for d in departures_by_froude(run, met, tried)]
         left = [outside for _, outside, _, _ in cases if outside is not None and outside > 0.005]
         if scaled and left:
             beyond.append(Departure(OUTSIDE_RANGE, tuple(100.0 * outside for outside in left), "0", "% of the time"))
@@ -312,6 +313,11 @@ def _cheap(run: RunDescription, soil: str, water: Water, card: Mapping[str, Any]
         worst_seen = f"{max(ends):.2g} m/s" if straight else percent(max(ends))
         seen = f"; {len(taught)} that they had seen, {ranges_of(taught)}: at worst {worst_seen}"
     error = f"{amount} the flow in the loop{side}{near} ({on}; {which}, {table['soil']}, {ranges_of(rows)}{seen})."
+    drives = full_range_card()["drives"]
+    if name == "calibrated" and not straight:
+        ends = [float(one["calibrated_end"]) for one in drives]
+        most = percents(min(ends), max(ends))
+        error += f" On {len(ends)} other drives of it{_waters(drives)}, currents from all sides, {most}."
     label = f"networks ({name})" if name in table["named"] else name
     label = "calibrated (for the networks)" if name == "fitted" else label
     if same:
