@@ -36,6 +36,7 @@ from exumob.support.cost import cores, spelled_size, spelled_time
 from exumob.support.declared import Declared, checked
 from exumob.support.provenance import parameters_json
 from exumob.support.quantities import CURRENT_SPEED, DEPTH_RATIO, Quantity, Unusual, unusual
+from exumob.support.wording import whence
 from exumob.towing_tank.excitation import CHANNELS, Envelope, Excitation
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.conditions import Water
@@ -280,11 +281,8 @@ def _sides(directions: Directions) -> str:
 
 def _described(task: Task, vehicle: Vehicle) -> str:
     water = task.water
-    angle = math.degrees(math.remainder(water.current_direction - math.pi, 2.0 * math.pi))
-    side = f" from {abs(angle):.0f} deg {'left' if angle > 0.0 else 'right'}"
-    side = " from ahead" if abs(angle) < 0.5 else " from behind" if abs(angle) > 179.5 else side
     where = f"depth {water.uniform_depth / vehicle.wheel.diameter:.2f}, current {water.current_speed:.2f} m/s"
-    where += side if water.current_speed > 0.0 else ""
+    where += f" {whence(water.current_direction)}" if water.current_speed > 0.0 else ""
     apart = "; kept apart" if task.role == "apart" else ""
     if isinstance(task, FreeTask):
         return f"{maneuver_name(task.maneuver)}, {task.duration:.3g} s on {task.soil}, {where}{apart}"

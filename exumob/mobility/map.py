@@ -30,6 +30,7 @@ from exumob.support.declared import Declared, checked
 from exumob.support.files import atomic_write, require_folder_name
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity, Unusual
+from exumob.support.wording import whence
 from exumob.surrogates.vehicle_shape import FURTHER_GEOMETRY, GEOMETRY
 from exumob.sweeps.run import Progress, sweep
 from exumob.sweeps.sampling import (
@@ -147,6 +148,14 @@ class MobilityMap(Declared):
         corners = itertools.product((self.x.low, self.x.high), (self.y.low, self.y.high))
         cases = [self.case(panel, x, y, {}) for x, y in corners for panel in self.panels.values()]
         return trust_of_sweep(self.crossing.experiment, cases)
+
+    def current_from(self) -> str:
+        """Say from where the current comes; empty if that varies, or is that of a field."""
+        water, start = self.crossing.experiment.water, self.crossing.experiment.start
+        names = {self.x.name, self.y.name, *self.scatter, *(name for panel in self.panels.values() for name in panel)}
+        if water is None or water.field is not None or names & {"water.current_direction", "start.heading"}:
+            return ""
+        return whence(water.current_direction, start.heading)
 
     def factors(self) -> list[Case]:
         """Draw the runs of a node: factors by name, and the number of the network."""
@@ -364,6 +373,7 @@ def compute_map(
     result.attrs |= provenance() | wanted.trust() | counts | {
         "title": "exumob mobility map", "random_seed": wanted.seed, "parameters": parameters_json({"map": wanted}),
         "draws": len(factors), "computed_share": float((lattice.runs > 0).mean()), "failures": ", ".join(FAILURES),
+        "vehicle": wanted.crossing.experiment.vehicle.name, "current_from": wanted.current_from(),
         "x": wanted.x.name, "y": wanted.y.name, "least_speed": limits.speed, "largest_drift": limits.drift,
         "width": limits.width, "range_share": limits.range_share,
         "training_range": "of the networks" if has_range else "none: this model of the water has none",

@@ -93,7 +93,11 @@ def plot_map(mapped: xr.Dataset, checks: xr.Dataset | None = None) -> Figure:
 def _about(mapped: xr.Dataset, single: bool) -> str:
     """What the colours and lines stand for."""
     runs = int(mapped["runs"].max())
-    goal = f"Go: the width of {mapped.attrs['width']:g} m at {mapped.attrs['least_speed']:.2g} m/s at least."
+    who = f"{mapped.attrs['vehicle']}. " if "vehicle" in mapped.attrs else ""  # maps of before do not say it
+    whence = f"Current {mapped.attrs['current_from']}. " if mapped.attrs.get("current_from") else ""
+    aside = f", at most {mapped.attrs['largest_drift']:g} m aside" if "largest_drift" in mapped.attrs else ""
+    least = f"{mapped.attrs['least_speed']:.2g} m/s at least"
+    goal = f"{who}{whence}Go: the width of {mapped.attrs['width']:g} m at {least}{aside}."
     if single:
         return f"{goal} One run a node: go or no-go, and no chance; between nodes the border is interpolated."
     confidence = f"{100.0 * CONFIDENCE:.0f} %"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 
@@ -30,3 +31,11 @@ def percent(share: float) -> str:
 def percents(low: float, high: float) -> str:
     """Write a range of shares in per cent."""
     return f"{100.0 * low:.2g} to {100.0 * high:.2g} %"
+
+
+def whence(direction: float, heading: float = 0.0) -> str:
+    """Say from where a current comes that flows in a direction [rad], seen by a vehicle with a heading [rad]."""
+    angle = math.degrees(math.remainder(direction - heading - math.pi, 2.0 * math.pi))
+    if abs(angle) < 0.5:
+        return "from ahead"
+    return "from behind" if abs(angle) > 179.5 else f"from {abs(angle):.0f} deg {'left' if angle > 0.0 else 'right'}"

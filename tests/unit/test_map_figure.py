@@ -1,6 +1,8 @@
 """What a map may claim: intervals and the lines that they support, counts of computed nodes, tables in words."""
 
 import json
+import math
+from dataclasses import replace
 
 import matplotlib
 
@@ -13,11 +15,13 @@ import xarray as xr
 from matplotlib.text import Text
 from scipy.stats import binom, norm
 
-from exumob.mobility.crossing import FAILURES
+from exumob.mobility.crossing import FAILURES, Crossing
 from exumob.mobility.lattice import Lattice, fewest_runs, separated_cells, sides, wilson_interval
-from exumob.mobility.map import table, verdict_lines
+from exumob.mobility.map import Axis, MobilityMap, table, verdict_lines
 from exumob.mobility.map_figure import plot_map
 from exumob.sweeps.experiment import amphibious_crossing
+from exumob.vehicle.start_pose import StartPose
+from exumob.water.conditions import Water
 
 X, Y = np.linspace(0.0, 1.2, 5), np.linspace(0.4, 0.6, 5)
 
@@ -187,6 +191,29 @@ def test_axes_have_names_and_units_and_the_foot_says_what_it_is_worth():
 
 
 # -- counts and tables -------------------------------------------------------------------------------------------------
+
+
+def test_the_foot_says_who_crosses_in_which_current_and_how_far_aside():
+    figure = plot_map(a_map(STEP).assign_attrs(vehicle="buggy", current_from="from 90 deg right", largest_drift=1.0))
+    foot = " ".join(text.get_text() for text in figure.findobj(Text)).replace("\n", " ")
+    assert "buggy. Current from 90 deg right. Go: the width of 12 m at 0.6 m/s at least, at most 1 m aside." in foot
+    plt.close(figure)
+
+
+@pytest.mark.parametrize(
+    ("changed", "x", "said"),
+    [
+        ({}, "water.current_speed", "from ahead"),
+        ({"water": Water(0.1, 0.5, 0.5 * math.pi)}, "water.current_speed", "from 90 deg right"),
+        ({"water": Water(0.1, 0.5, 0.0), "start": StartPose(heading=math.radians(30.0))}, "water.current_speed",
+         "from 150 deg left"),
+        ({}, "water.current_direction", ""),
+    ],
+)  # fmt: skip
+def test_a_map_knows_whence_its_current_comes(changed, x, said):
+    crossing = Crossing(replace(amphibious_crossing(), hydrodynamics="coefficients", **changed))
+    wanted = MobilityMap(crossing, Axis(x, 0.1, 0.6), Axis("water.depth", 0.08, 0.12), {"LETE sand": {}}, scatter={})
+    assert wanted.current_from() == said
 
 
 def test_computed_nodes_are_counted_and_not_interpolated_ones():
