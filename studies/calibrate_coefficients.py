@@ -11,6 +11,7 @@ and the amphibious vehicle's four unseen runs, with these coefficients and with 
 Run: python studies/calibrate_coefficients.py                      (five minutes)
      python studies/calibrate_coefficients.py --anew [--jobs 2]    (makes the three runs of `data/cars` anew first, a
      quarter of an hour of one core each; it goes on where it was stopped)
+     python studies/calibrate_coefficients.py --sets    (what the drives over the whole range bring; ten minutes)
 """
 
 from __future__ import annotations
@@ -22,18 +23,18 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
-from common import CAR_RUNS, CFD_RUNS, FULL_RANGE_RUNS, save, study_parser
+from common import CAR_RUNS, CFD_RUNS, FULL_RANGE_RUNS, full_range_plan, save, study_parser
 from matplotlib.figure import Figure
 
 from exumob import Soil, simulate
-from exumob.driving.maneuver import LaneChange
+from exumob.driving.maneuver import LaneChange, Maneuver
 from exumob.flow import FlowSettings
 from exumob.flow.cost import flow_cost
 from exumob.flow.vehicle_window import vehicle_window
 from exumob.learning.calibration import THINNING, Runs, fit_wave_coefficients
 from exumob.learning.campaign import LearningFolder, run_campaign
 from exumob.learning.compact import thinned
-from exumob.learning.dataset import base_loads, body_states, check_geometry, load_run, load_runs, usable
+from exumob.learning.dataset import base_loads, body_states, check_geometry, load_run, load_runs, usable, water_of
 from exumob.learning.evaluation import FAST, closed_loop
 from exumob.learning.examples import training_runs
 from exumob.learning.plan import FreeTask
@@ -48,7 +49,7 @@ from exumob.water.calibrated import CalibratedHydrodynamics
 from exumob.water.coefficients import CoefficientHydrodynamics
 from exumob.water.conditions import Water
 from exumob.water.hydrodynamics import Hydrodynamics
-from exumob.water.wave_loads import FITTED, WaveCoefficients, terms_along
+from exumob.water.wave_loads import FITTED, WaveCoefficients, terms_along, wave_loads_along
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.large_4x4 import large_4x4
 from vehicle_models.light_4x4 import light_4x4
@@ -60,8 +61,15 @@ DEPTH, CURRENT = 0.5, 0.5
 """Depth over the tyre's diameter, and head current of the paper's vehicle [m/s], in their runs."""
 CELLS = 0.14
 """Size of the cells in their runs over the tyre's diameter."""
-WHOLE = "amphibious, whole range"
+WHOLE = "amphibious (whole range)"
 """Name of the amphibious vehicle in its drives over the whole range."""
+DRIVES = ("drive",)
+"""Kind of the runs over the whole range that teach."""
+SETS = {
+    "lane changes and cars": (), "the same and drives over the whole range": DRIVES,
+    "the same and captive runs": (*DRIVES, "captive"),
+}  # fmt: skip
+"""What `--sets` compares: kinds of runs over the whole range."""
 KEPT = 10
 """One millisecond of so many is kept of them: their times are twice those of the paper's vehicle."""
 MODELS = ("coefficients", "calibrated", "without it", "own runs")
@@ -136,11 +144,7 @@ def compared(
             "axle_error": _relative(one[:, 1:3, 1].sum(axis=1), true[:, 1:3, 1].sum(axis=1)),
         }  # fmt: skip
         if name in models:
-            drive = simulate(
-                vehicle, Soil.published(SOIL), water, maneuver, models[name],
-                duration=float(round(run["time"].values[-1], 3)), record_step=10e-3, **FAST,
-            )  # fmt: skip
-            found[name]["final"] = closed_loop(drive, run)["final"]
+            found[name]["final"] = _end(vehicle, SOIL, water, maneuver, models[name], run)
     return found
 
 
@@ -203,6 +207,72 @@ def plot(found: xr.Dataset) -> Figure:
     return figure
 
 
+def side_error(waves: WaveCoefficients | None) -> float:
+    """Error of the wheels' side force in the drives over the whole range that teach, over its size [-]."""
+    vehicle, found = amphibious_vehicle(), []
+    for run in whole_range(DRIVES).values():
+        water, rows = water_of(run), np.flatnonzero(usable(run))[::THINNING]
+        loads = base_loads(run, vehicle)[rows]
+        if waves is not None:
+            loads = loads + wave_loads_along(vehicle, water.over(), water.density, body_states(run)[rows], waves)
+        true = run["water_wrench_smooth"].values[rows].astype(float)
+        found.append([np.mean((loads - true)[:, 1:, 1].sum(axis=1) ** 2), np.mean(true[:, 1:, 1].sum(axis=1) ** 2)])
+    off, size = np.mean(found, axis=0)
+    return float(np.sqrt(off / size))
+
+
+def whole_range(kinds: Sequence[str]) -> dict[str, xr.Dataset]:
+    """The runs over the whole range that teach, of some kinds."""
+    return {
+        name: run for name, run in training_runs(FULL_RANGE_RUNS / "runs").items() if name.startswith(tuple(kinds))
+    }  # fmt: skip
+
+
+def compare_sets() -> str:
+    """What the runs over the whole range bring: where drives end [%] with coefficients fitted without and with them."""
+    vehicle, others = amphibious_vehicle(), other_runs()
+    lanes = load_runs(CFD_RUNS / f"{scenario.file_stem}.nc" for scenario in TRAINING)
+    cars = {name: (other, {task.name: run}) for name, (other, task, run) in others.items()}
+    unseen = load_runs(CFD_RUNS / f"{scenario.file_stem}.nc" for scenario in UNSEEN)
+    apart = [task for task in full_range_plan().tasks if isinstance(task, FreeTask) and task.role == "apart"]
+    drives = load_runs(FULL_RANGE_RUNS / "runs" / f"{task.name}.nc" for task in apart)
+    rows = [
+        "| fitted to | unseen runs | cars, each without it | drives kept apart | side force of wheels |",
+        "|---" * 5 + "|",
+    ]
+    for text, kinds in SETS.items():
+        amphibious: list[Runs] = [(vehicle, lanes)]
+        if kinds:
+            amphibious.append((replace(vehicle, name=WHOLE), whole_range(kinds)))
+        fitted = fit_wave_coefficients([*amphibious, *cars.values()])
+        model = CalibratedHydrodynamics(waves=fitted)
+        of_unseen = [
+            _end(vehicle, SOIL, s.water(vehicle), s.maneuver(), model, unseen[s.name]) for s in UNSEEN
+        ]  # fmt: skip
+        of_drives = [_end(vehicle, t.soil, t.water, t.maneuver, model, drives[t.name]) for t in apart]
+        of_cars = []
+        for name, (other, task, run) in others.items():
+            without = fit_wave_coefficients([*amphibious, *(group for key, group in cars.items() if key != name)])
+            of_cars.append(
+                _end(other, SOIL, task.water, task.maneuver, CalibratedHydrodynamics(waves=without), run)
+            )  # fmt: skip
+        cells = [f"{np.mean(ends):.1f} ({np.max(ends):.1f}) %" for ends in (of_unseen, of_cars, of_drives)]
+        rows.append(f"| {text} | {' | '.join(cells)} | {side_error(fitted):.2f} |")
+        print(rows[-1], flush=True)
+    return "\n".join([*rows, f"Side force of wheels with the published coefficients: {side_error(None):.2f}"])
+
+
+def _end(
+    vehicle: Vehicle, soil: str, water: Water, maneuver: Maneuver, model: Hydrodynamics, run: xr.Dataset
+) -> float:  # fmt: skip
+    """Distance between the ends of a drive with a model and of a run with the flow, over the path [%]."""
+    drive = simulate(
+        vehicle, Soil.published(soil), water, maneuver, model, duration=float(round(run["time"].values[-1], 3)),
+        record_step=10e-3, **FAST,
+    )  # fmt: skip
+    return closed_loop(drive, run)["final"]
+
+
 def main(quick: bool = False, jobs: int = 2, anew: bool = False) -> xr.Dataset:
     """Fit, write the coefficients, compare; with `quick` three runs are fitted, one judged, and nothing is written."""
     vehicle = amphibious_vehicle()
@@ -212,8 +282,7 @@ def main(quick: bool = False, jobs: int = 2, anew: bool = False) -> xr.Dataset:
     if anew and not quick:
         make_other_runs(jobs)
     if not quick:
-        wide = training_runs(FULL_RANGE_RUNS / "runs")
-        groups[WHOLE] = replace(vehicle, name=WHOLE), {n: run for n, run in wide.items() if n.startswith("drive")}
+        groups[WHOLE] = replace(vehicle, name=WHOLE), whole_range(DRIVES)
     others = {} if quick else other_runs()
     groups |= {name: (other, {task.name: run}) for name, (other, task, run) in others.items()}
     fitted = fit_wave_coefficients(list(groups.values()))
@@ -242,5 +311,7 @@ if __name__ == "__main__":
     parser = study_parser(__doc__)
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--anew", action="store_true", help="make the flow runs of the cars anew first")
+    parser.add_argument("--sets", action="store_true", help="compare what the runs over the whole range bring")
     set_up_log()
-    print(lines(main(**vars(parser.parse_args()))))
+    given = vars(parser.parse_args())
+    print(compare_sets() if given.pop("sets") else lines(main(**given)))

@@ -211,7 +211,8 @@ def _judged(cases: Sequence[_Case], card: Mapping[str, Any] | None) -> Trust:
         scaled = isinstance(model, SurrogateHydrodynamics) and shipped_name(model) is not None
         if not isinstance(model, CoefficientHydrodynamics) and not scaled:
             return trust
-        tried = full_range_card() if card is None and trust.model == "calibrated" else card
+        wide = full_range_card()
+        tried = wide if card is None and trust.model == "calibrated" and wide["drives"] else card
         beyond = [d for run, _, _, met in cases for d in departures_by_froude(run, met, tried)]
         left = [outside for _, outside, _, _ in cases if outside is not None and outside > 0.005]
         if scaled and left:
@@ -314,7 +315,7 @@ def _cheap(run: RunDescription, soil: str, water: Water, card: Mapping[str, Any]
         seen = f"; {len(taught)} that they had seen, {ranges_of(taught)}: at worst {worst_seen}"
     error = f"{amount} the flow in the loop{side}{near} ({on}; {which}, {table['soil']}, {ranges_of(rows)}{seen})."
     drives = full_range_card()["drives"]
-    if name == "calibrated" and not straight:
+    if name == "calibrated" and not straight and drives:
         ends = [float(one["calibrated_end"]) for one in drives]
         most = percents(min(ends), max(ends))
         error += f" On {len(ends)} other drives of it{_waters(drives)}, currents from all sides, {most}."
