@@ -8,6 +8,7 @@ another process of that pool then starts again.
 from __future__ import annotations
 
 import contextlib
+import logging
 import multiprocessing
 import multiprocessing.connection
 import os
@@ -15,7 +16,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -26,6 +28,7 @@ from exumob.simulation.verdict import verdict_of_error
 from exumob.support.compiled import computing_clock
 from exumob.support.errors import SimulationError
 from exumob.support.processes import end_with_parent, lives
+from exumob.support.quantities import shown
 from exumob.sweeps.case_rows import fault_of_result
 from exumob.sweeps.case_store import CaseStore, StorageError
 
@@ -37,6 +40,8 @@ FRUITLESS = 3
 """Number of times that the whole pool may be killed from outside without any case that ended in between."""
 ENDING = 1.0
 """Time that a pool whose process is gone has to say that it ends by itself [s]."""
+NAMED = 3
+"""Number of values of a case that its messages name."""
 POLL = 0.2
 """Interval at which the pool is watched [s]."""
 
@@ -93,7 +98,7 @@ class _Outcome:
 def _run_case(store: CaseStore, number: int) -> _Outcome:
     alarm = _Alarm(store.time_limit)
     try:
-        with alarm:
+        with alarm, _messages_named(number, store.cases[number]):
             found = store.function(store.cases[number])
             values = _summary(found) if isinstance(found, xr.Dataset) else found
     except (Exception, SystemExit, _OutOfTime) as error:
@@ -108,6 +113,25 @@ def _run_case(store: CaseStore, number: int) -> _Outcome:
         return _Outcome("failed", f"{type(error).__name__}: {error}")
     fault = fault_of_result(values, store.names)
     return _Outcome("failed", fault) if fault else _Outcome("completed", "", values, found)
+
+
+@contextmanager
+def _messages_named(number: int, case: Mapping[str, Any]) -> Iterator[None]:
+    """Let exumob's messages say of which case they are, with its first values."""
+    values = ", ".join(f"{name} = {shown(value)}" for name, value in list(case.items())[:NAMED])
+    make = logging.getLogRecordFactory()
+
+    def named(*arguments: Any, **more: Any) -> logging.LogRecord:
+        record = make(*arguments, **more)
+        if record.name.startswith("exumob."):
+            record.msg, record.args = f"case {number} ({values}): {record.getMessage()}", None
+        return record
+
+    logging.setLogRecordFactory(named)
+    try:
+        yield
+    finally:
+        logging.setLogRecordFactory(make)
 
 
 def _until_then(error: BaseException) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Functions that hold an experiment, values that are meant, and cases that end at the last moment."""
 
+import logging
 from dataclasses import replace
 
 import pytest
@@ -46,6 +47,16 @@ def test_one_model_for_all_cases(make):
     held = settled if isinstance(settled, Experiment) else settled.experiment
     assert held.hydrodynamics in ("networks", "coefficients")
     assert isinstance(given, Experiment) or given.experiment.hydrodynamics == "auto", "the given one is left alone"
+
+
+def test_messages_say_of_which_case_they_are(caplog):
+    with processes._messages_named(7, {"water.depth": 0.1, "soil": "LETE sand", "share [%]": 3, "more": 1}):
+        logging.getLogger("exumob.simulation.run").warning("%s slides by %.1f %%", "quad", 0.5)
+        logging.getLogger("another").warning("as it is")
+    logging.getLogger("exumob.simulation.run").warning("after it")
+    assert [record.getMessage() for record in caplog.records] == [
+        "case 7 (water.depth = 0.1, soil = 'LETE sand', share [%] = 3): quad slides by 0.5 %", "as it is", "after it",
+    ]  # fmt: skip
 
 
 def test_a_function_whose_experiment_cannot_be_replaced_is_refused(monkeypatch):
