@@ -318,7 +318,10 @@ def test_map_is_computed_drawn_and_written_as_a_table(tmp_path):
     assert answer.exit_code == 0, answer.output
     assert "of 4 computed nodes; one run a node, without scatter: no chance is known." in answer.output
     assert "outside the training range" not in answer.output  # coefficients have none
-    assert "trust     coefficients, beyond what was measured: depth ratio 0.36 to 0.64 (0.4 to 0.6)" in answer.output
+    assert (
+        "trust     coefficients, beyond what was measured (in brackets): depth ratio 0.36 to 0.64 (0.4 to 0.6)"
+        in answer.output
+    )
     result = load_dataset(tmp_path / "map" / "map.nc").squeeze("panel")
     assert float(result["speed"].sel(y=0.36, x=0.0)) > float(result["speed"].sel(y=0.64, x=1.2)) > 0.0
     assert (tmp_path / "map.png").stat().st_size > 10_000

@@ -158,7 +158,7 @@ def test_for_another_vehicle_the_water_beyond_what_was_tried_is_named(change, te
     assert found.status == "not validated"
     assert found.attributes()["trust_beyond"] == text
     assert found.line.startswith(
-        f"calibrated, not validated, and beyond what was tried anywhere by {text}:"
+        f"calibrated, not validated, and beyond what was tried anywhere (in brackets) by {text}:"
         if text
         else "calibrated, not validated:"
     )
@@ -237,9 +237,9 @@ MET = WaterMet((0.02, 0.11), (0.2, 0.9), 0.0, 0.0, 0.0, 0.0)
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({}, "depth ratio 0.1 to 0.55 (0.327 to 0.707)"),
+        ({}, "water a level over terrain (one depth)"),
         ({"current": (0.2, 1.7)}, "current 0.2 to 1.7 m/s (0.0524 to 1.06 m/s)"),
-        ({"depth": (0.02, 0.3)}, "depth ratio 0.1 to 1.5 (0.327 to 0.707)"),
+        ({"depth": (0.02, 0.3)}, "depth ratio 1.5 (0.327 to 0.707)"),
         ({"level_difference": 0.012}, "level, taken as horizontal, over half the hull by 12 mm"),
         ({"current_difference": 0.15}, "current, taken at the bodies' origins, over half the hull by 0.15 m/s"),
         ({"slope": 0.15}, "networks of level beds on a slope of 0.15"),
@@ -294,7 +294,7 @@ def test_what_lies_beyond_is_named_with_what_was_measured(change, text):
     assert found.status == "beyond"
     assert len(found.departures) == 1
     assert text in str(found.departures[0])
-    assert f"beyond what was measured: {found.departures[0]}. The error here is not known" in found.line
+    assert f"beyond what was measured (in brackets): {found.departures[0]}. The error here is not known" in found.line
 
 
 LOOP = replace(
@@ -502,7 +502,7 @@ def test_parts_of_the_error_stand_each_on_a_line():
 
 def test_every_result_carries_it(short_run, sand):
     attrs = short_run.attrs
-    assert attrs["trust"].startswith("coefficients, beyond what was measured: duration 0.2 s")
+    assert attrs["trust"].startswith("coefficients, beyond what was measured (in brackets): duration 0.2 s")
     assert attrs["trust_model"] == "coefficients"
     assert attrs["trust_status"] == "beyond"
     assert attrs["trust_beyond"] == "duration 0.2 s (8 s)"

@@ -269,7 +269,7 @@ def _water_departures(
     if water.depth is None:
         yield Departure("water", ("a level over terrain" if water.field is None else "a field",), "one depth")
     if met is not None:
-        depth, current, aside = met.depth, met.current, met.aside
+        depth, current, aside = (max(met.depth),), met.current, met.aside  # at a shore there is none
         yield from _assumed(run.hydrodynamics, met)
     for quantity, values, name, unit in (
         ("depth ratio", tuple(d / diameter for d in depth), "depth_ratio", ""),

@@ -95,7 +95,7 @@ class Trust:
         """All of it as one line of text."""
         where = {
             "measured": ", measured on runs like this one: ",
-            "beyond": f", beyond what was measured: {self._beyond}. {self.advice} Where measured, ",
+            "beyond": f", beyond what was measured (in brackets): {self._beyond}. {self.advice} Where measured, ",
             "not validated": f", not validated{self._untried}: {self.advice} ",
         }[self.status]  # fmt: skip
         return f"{self.model}{where}{self.error} {self.soil}".replace("  ", " ")
@@ -108,7 +108,7 @@ class Trust:
     @property
     def _untried(self) -> str:
         """What lies beyond all that was tried comes first: no figure behind it holds there."""
-        return f", and beyond what was tried anywhere by {self._beyond}" if self.departures else ""
+        return f", and beyond what was tried anywhere (in brackets) by {self._beyond}" if self.departures else ""
 
     def attributes(self) -> dict[str, str | float]:
         """Return the line and its parts, as kept in results."""
