@@ -1,7 +1,7 @@
 """How well do the networks that come with exumob know the whole range: 20 to 90 % depth, currents from all sides?
 
 Beyond the range of nine lane changes, which taught the first of them (`data/cfd_mbd`), others take over. These learned
-from the 21 runs of `data/full_range` that teach: drives over three soils and captive runs that `exumob learn` planned
+from the 22 runs of `data/full_range` that teach: drives over four soils and captive runs that `exumob learn` planned
 and made for the paper's vehicle, on cells of 22 mm. Here they are compared with the coefficients that they rest on and
 with the calibrated ones, on the five drives that were kept apart, and each seed by itself on the drives that it kept
 for validation. Then they are asked how much of a map they know: straight ahead over all published soils, in several
@@ -241,7 +241,11 @@ def map_lines(share: xr.Dataset) -> str:
         each = [f"{100.0 * float(of.sel({name: v}).mean()):.0f} % at {v}" for v in share[name].values]
         rows.append(f"\nOutside the range, by {name}: {', '.join(each)}")
     soils = of.mean(["depth_ratio", "flow"]).to_series().sort_values()
-    rows.append(f"\nAll waters and soils: {100.0 * float(of.mean()):.1f} %; worst: {soils.tail(4).to_dict()}")
+    sunk = share["outside"].isnull()
+    rows.append(
+        f"\nAll waters and soils: {100.0 * float(of.mean()):.1f} % (runs that broke down: "
+        f"{100.0 * float(sunk.mean()):.1f} %); worst: {soils.tail(4).to_dict()}"
+    )
     return "\n".join(rows)
 
 

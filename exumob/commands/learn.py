@@ -209,7 +209,7 @@ def _make_runs(made: LearningPlan, folder: LearningFolder, jobs: int, mpi: bool)
             advance(min(sum(reached.values()), total))
             if step.done:
                 ended, took = ended + 1, time.monotonic() - began[step.name]
-                how = step.error or f"finished in {spelled_time(took)} (planned: {spelled_time(planned[step.name])})"
+                how = step.error or f"finished after {spelled_time(took)} (planned: {spelled_time(planned[step.name])})"
                 console.print(f"run {ended} of {len(missing)}, {step.name}: {how}", soft_wrap=True)
 
         return run_campaign(missing, made.vehicle, folder, jobs=jobs, mpi=mpi, progress=progress)

@@ -43,7 +43,7 @@ DRIVEN = (
 )  # fmt: skip
 """Variables of a run that teach networks, and by which it is compared with others."""
 AVERAGED = ("acceleration", "angular_acceleration", "water_wrench", "soil_force", "hull_soil_force")
-"""Variables of which a thinned run keeps means over five samples (one more than `every`), so that what lies between two
+"""Variables of which a thinned run keeps means over five samples (`every`, or one more), so that what lies between two
 kept ones is not lost."""
 JUMPS, NONE = "jumps", "none"
 """Attribute of a thinned run: times of the jumps of its loads (`jumps`), which cannot be seen in it any more [s]; and
@@ -69,7 +69,7 @@ def compact(run: xr.Dataset) -> xr.Dataset:
 
 
 def thinned(run: xr.Dataset, variables: Collection[str] | None = DRIVEN, every: int = EVERY) -> xr.Dataset:
-    """Keep of a packed run every fourth sample, rounded as by `compact`.
+    """Keep of a packed run one sample of several, rounded as by `compact`.
 
     Parameters
     ----------
@@ -78,14 +78,14 @@ def thinned(run: xr.Dataset, variables: Collection[str] | None = DRIVEN, every: 
     variables : collection of str, optional
         Those that are kept; None: all.
     every : int
-        Number of samples of which one is kept; of a vehicle several times as large more, as its times are longer.
+        Number of samples of which one is kept; more for a larger vehicle, whose motion is slower.
 
     Raises
     ------
     ValueError
-        If the last sample would be left out.
+        If it is less than 1, or the last sample would be left out.
     """
-    if (run.sizes["time"] - 1) % every:
+    if every < 1 or (run.sizes["time"] - 1) % every:
         raise ValueError(
             f"thinned.every = {every} leaves out the last of {run.sizes['time']} samples; give a divisor of "
             f"{run.sizes['time'] - 1}."
@@ -93,7 +93,7 @@ def thinned(run: xr.Dataset, variables: Collection[str] | None = DRIVEN, every: 
     found = jumps(run)
     kept = run if variables is None else run[[name for name in variables if name in run]]
     means = {
-        name: kept[name].copy(data=uniform_filter1d(kept[name].values, every + 1, axis=0, mode="nearest"))
+        name: kept[name].copy(data=uniform_filter1d(kept[name].values, 2 * (every // 2) + 1, axis=0, mode="nearest"))
         for name in AVERAGED if name in kept
     }  # fmt: skip
     said = " ".join(f"{time:.3f}" for time in found) or NONE

@@ -263,7 +263,7 @@ class LearningPlan:
             f"takes     {self.core_hours:.2g} core hours for the runs and {self.training_hours:.2g} for {self.seeds} "
             f"seeds of networks, of a budget of {self.budget:g}; about {spelled_time(3600.0 * total / side_by_side)} "
             f"with {jobs} worker{'s' if jobs > 1 else ''} on an idle machine"
-            + (f", of which this process may use {cores()} core" if jobs > cores() == 1 else "")
+            + (f", of which this process may use {cores()} core{'s' if cores() > 1 else ''}" if jobs > cores() else "")
             + f"; {spelled_size(jobs * most.cost.memory)} of memory"
         )
         return found

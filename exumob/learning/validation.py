@@ -141,6 +141,8 @@ class Drive:
     depth_ratio: float
     current: float
     """[m/s]"""
+    turned: float
+    """Angle between the current and one from ahead, 0 to pi [rad]"""
     duration: float
     """[s]"""
     steering: float
@@ -204,7 +206,8 @@ def _drive(members: Sequence[NetworkSet], task: FreeTask, vehicle: Vehicle, refe
             shares = range_shares(run)
     return Drive(
         task.name, maneuver_name(task.maneuver), task.soil, task.water.uniform_depth / vehicle.wheel.diameter,
-        task.water.current_speed, task.duration, *driven(task.maneuver), measures["networks"], measures["coefficients"],
+        task.water.current_speed, abs(math.remainder(task.water.current_direction - math.pi, math.tau)),
+        task.duration, *driven(task.maneuver), measures["networks"], measures["coefficients"],
         measures.get("calibrated"), shares.get("out_of_range_share", math.nan),
         shares.get("fallback_share", math.nan), paths,
     )  # fmt: skip
@@ -284,7 +287,8 @@ def card_figures(
             "name": one.name, "maneuver": one.maneuver, "end": one.networks["final"] / 100.0,
             "coefficients_end": one.coefficients["final"] / 100.0 if one.coefficients else None,
             "calibrated_end": one.calibrated["final"] / 100.0 if one.calibrated else None,
-            "depth_ratio": one.depth_ratio, "current_speed": one.current, "duration": one.duration,
+            "depth_ratio": one.depth_ratio, "current_speed": one.current,
+            "current_turned": round(math.degrees(one.turned), 1), "duration": one.duration,
             "steering": one.steering, "wheel_speed": one.wheel_speed,
             "outside": one.outside, "fallback": one.fallback,
         }

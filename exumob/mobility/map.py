@@ -150,10 +150,12 @@ class MobilityMap(Declared):
         return trust_of_sweep(self.crossing.experiment, cases)
 
     def current_from(self) -> str:
-        """Say from where the current comes; empty if that varies, or is that of a field."""
+        """Say from where the current comes; empty if there is none, if that varies, or is that of a field."""
         water, start = self.crossing.experiment.water, self.crossing.experiment.start
         names = {self.x.name, self.y.name, *self.scatter, *(name for panel in self.panels.values() for name in panel)}
         if water is None or water.field is not None or names & {"water.current_direction", "start.heading"}:
+            return ""
+        if water.current_speed == 0.0 and "water.current_speed" not in names:
             return ""
         return whence(water.current_direction, start.heading)
 

@@ -6,6 +6,8 @@ import signal
 import threading
 from typing import Any
 
+from exumob.support.processes import asked_to_stop
+
 
 class StopRequest:
     """Ctrl-C waits for the end of the macro step, so that nothing is left half done; a second one does not."""
@@ -19,8 +21,10 @@ class StopRequest:
             self._before = signal.getsignal(signal.SIGINT)
             if self._before is signal.default_int_handler:
                 signal.signal(signal.SIGINT, self._ask)
+        asked_to_stop.append(self._ask)
 
     def __exit__(self, *_: object) -> None:
+        asked_to_stop.remove(self._ask)
         if self._before is signal.default_int_handler:
             signal.signal(signal.SIGINT, self._before)
 

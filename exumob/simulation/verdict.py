@@ -49,7 +49,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
 """Variables of a run without which there is no verdict, with their dimensions."""
 DRIFTING = 0.15
 """Part of the speed that goes aside from which it is named by itself [-]."""
-STRAIGHT, CARRIED = 0.02, (0.25, 0.05)
+STRAIGHT, CARRIED = 1e-3, (0.25, 0.05)
 """Largest angle of wheels that are steered straight [rad], and the way aside from which it is named then: over the
 wheelbase, and over the whole way [-]."""
 FURTHER = (

@@ -10,12 +10,14 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+asked_to_stop: list[Callable[[int, Any], None]] = []
+"""What takes a request to stop this process in stead of a KeyboardInterrupt, the last one first."""
 INTERVAL = 0.5
 """How often a process looks for its parent [s]."""
 
@@ -49,17 +51,17 @@ def end_with_parent(parent: int) -> None:
 def terminate_as_interrupted() -> None:
     """Let `kill PID` stop this process as Ctrl-C does: what was computed is kept. Processes that it forks just end.
 
-    A job that a script began with `&` ignores Ctrl-C, and so does it `kill -INT`: long runs are often started so.
+    A job that a script began with `&` ignores Ctrl-C and `kill -INT`: long runs are often started so. What waits for a
+    good moment to stop says so in `asked_to_stop`.
     """
     owner = os.getpid()
 
     def stop(number: int, frame: Any) -> None:
         if os.getpid() != owner:
             os._exit(128 + number)
-        asked = signal.getsignal(signal.SIGINT)
-        if not callable(asked):
+        if not asked_to_stop:
             raise KeyboardInterrupt
-        asked(signal.SIGINT, frame)
+        asked_to_stop[-1](number, frame)
 
     if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, stop)

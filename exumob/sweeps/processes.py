@@ -117,14 +117,15 @@ def _run_case(store: CaseStore, number: int) -> _Outcome:
 
 @contextmanager
 def _messages_named(number: int, case: Mapping[str, Any]) -> Iterator[None]:
-    """Let exumob's messages say of which case they are, with its first values."""
+    """Let exumob's messages say of which case they are, with three of its values."""
     values = ", ".join(f"{name} = {shown(value)}" for name, value in list(case.items())[:NAMED])
     make = logging.getLogRecordFactory()
 
     def named(*arguments: Any, **more: Any) -> logging.LogRecord:
         record = make(*arguments, **more)
         if record.name.startswith("exumob."):
-            record.msg, record.args = f"case {number} ({values}): {record.getMessage()}", None
+            with contextlib.suppress(TypeError, ValueError):  # of a message that does not fit its values: as it is
+                record.msg, record.args = f"case {number} ({values}): {record.getMessage()}", None
         return record
 
     logging.setLogRecordFactory(named)

@@ -37,7 +37,8 @@ def trust_of_sweep(
     known = {} if ended is None else ended
     shares = {name: np.nan_to_num(np.asarray(known[name], float)) for name in (OUTSIDE, WIDE) if name in known}
     found: dict[str, list[tuple[int, Experiment]]] = {}
-    for n in sorted(_telling(cases) | {int(np.argmax(values)) for values in shares.values()}) or [-1]:
+    most = {int(np.argmax(values)) for values in shares.values() if values.size and values.max() > 0.0}
+    for n in sorted(_telling(cases) | most) or [-1]:
         with contextlib.suppress(ValueError):  # values that do not go together have become rows
             run = experiment.with_values(cases[n] if cases else {})
             found.setdefault(run.hydrodynamics, []).append((n, run))

@@ -186,10 +186,10 @@ class Hull(Declared):
             )
 
     def _check_joined(self) -> None:
-        """Refuse boxes that hang in the air beside the rest of the hull."""
+        """Refuse boxes that hang in the air beside the rest of the hull; rakes are left out of account."""
         ends = [(profile.min(axis=0), profile.max(axis=0)) for profile in (part.side_profile() for part in self.parts)]
         joined, left = [0], list(range(1, len(ends)))
-        size = 1e-6 * self.length
+        size = 1e-3 * self.length
         while near := [n for n in left if any(_touch(ends[n], ends[m], size) for m in joined)]:
             joined += near
             left = [n for n in left if n not in near]

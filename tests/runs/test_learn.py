@@ -177,7 +177,7 @@ def test_the_whole_with_the_flow(tmp_path, monkeypatch):
     answer = CliRunner().invoke(app, call, env={"COLUMNS": "200", "TERM": "dumb"})
     assert answer.exit_code == 0, answer.output
     assert "lost: the gap between keel and bed" in answer.output and "card" in answer.output
-    assert re.search(r"run 1 of (\d+), \w+: finished in .* \(planned: (?s:.*)run \1 of \1, ", answer.output)
+    assert re.search(r"run 1 of (\d+), \w+: finished after .* \(planned: (?s:.*)run \1 of \1, ", answer.output)
     runs = load_runs((tmp_path / "out" / "runs").glob("captive*.nc"))
     assert all(float(np.abs(run["water_wrench"].values[:, 0, 2]).max()) > 1.0 for run in runs.values())
     page = (tmp_path / "out" / CARD).read_text()

@@ -109,6 +109,18 @@ def test_networks_of_the_whole_range_end_near_a_drive_kept_apart():
     )
 
 
+def test_weighing_study_leaves_runs_out():
+    """Three runs of each kind, one of which is left out: coefficients are the same whatever the weights."""
+    found = load_study("weighing_runs").main(quick=True, workers=1)
+    assert found.sizes == {"taught_by": 3, "weighed": 2, "judged_on": 2, "part": 1}
+    assert float(found["coefficients"].std("weighed").max()) < 1e-12 and bool((found["networks"] > 0.1).all())
+    lanes = found.sel(judged_on="lane changes")
+    assert float(lanes["networks"].sel(taught_by="lane changes").max()) < 1.0  # from two lane changes, in two epochs
+    assert (
+        float((lanes["networks"].sel(taught_by="whole range") - lanes["networks"].sel(taught_by="both")).min()) != 0.0
+    )
+
+
 def test_shipped_networks_predict_an_unseen_run():
     """D50/U0.5, which no network saw: 0.6 % of the path and 0.4 degrees (the aims were 2 % and 2 degrees)."""
     result = load_study("predict_unseen").main(quick=True).squeeze()

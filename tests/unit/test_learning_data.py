@@ -146,6 +146,11 @@ def test_a_thinned_run_judges_as_the_whole_one(run, tmp_path):
     assert (tmp_path / "fewer.nc").stat().st_size < 0.7 * file.stat().st_size
     np.testing.assert_allclose(fewer["time"], packed["time"][: fewer.sizes["time"]], atol=1e-9)
     assert np.abs(fewer["position"].values - packed["position"].values[: fewer.sizes["time"]]).max() < 1e-5
+    even = thinned(packed, every=5)["water_wrench"].values[
+        20:-20
+    ]  # means over five samples, about the one that is kept
+    about = np.mean([packed["water_wrench"].values[100 + k : -100 + k : 5][: len(even)] for k in range(-2, 3)], axis=0)
+    assert np.abs(even - about).max() < 5e-3 * np.abs(about).max()
     with pytest.raises(ValueError, match=r"thinned.every = 7 leaves out the last of \d+ samples; give a divisor"):
         thinned(packed, every=7)
 

@@ -208,11 +208,18 @@ def test_the_foot_says_who_crosses_in_which_current_and_how_far_aside():
         ({"water": Water(0.1, 0.5, 0.0), "start": StartPose(heading=math.radians(30.0))}, "water.current_speed",
          "from 150 deg left"),
         ({}, "water.current_direction", ""),
+        ({"water": Water(0.1, 0.0)}, "water.density", ""),
     ],
 )  # fmt: skip
 def test_a_map_knows_whence_its_current_comes(changed, x, said):
     crossing = Crossing(replace(amphibious_crossing(), hydrodynamics="coefficients", **changed))
-    wanted = MobilityMap(crossing, Axis(x, 0.1, 0.6), Axis("water.depth", 0.08, 0.12), {"LETE sand": {}}, scatter={})
+    wanted = MobilityMap(
+        crossing,
+        Axis(x, *((990.0, 1010.0) if "density" in x else (0.1, 0.6))),
+        Axis("water.depth", 0.08, 0.12),
+        {"LETE sand": {}},
+        scatter={},
+    )
     assert wanted.current_from() == said
 
 

@@ -141,7 +141,8 @@ def test_calibrated_coefficients_count_on_all_runs_and_say_to_how_many_they_were
     [
         ({"water": Water.at_ratio(0.9, tyre_diameter=0.72)}, "depth ratio 0.9 (0.327 to 0.707)"),
         ({"water": Water(0.36, 2.5)}, "current 2.5 m/s (0 to 1.94 m/s)"),
-        ({"water": Water(0.36, 1.5, 0.5 * math.pi)}, ""),
+        ({"water": Water(0.36, 1.5, 0.5 * math.pi)}, "current turned from ahead by 90 deg (0, 36, 162 deg)"),
+        ({"water": Water(0.36, 1.5, math.radians(150.0))}, ""),
         ({"maneuver": ConstantSteer(speed=-5.0)}, "reversing at 5 rad/s (forwards)"),
         ({"water": Water(0.36, 1.5)}, ""),
     ],
@@ -149,7 +150,8 @@ def test_calibrated_coefficients_count_on_all_runs_and_say_to_how_many_they_were
 def test_for_another_vehicle_the_water_beyond_what_was_tried_is_named(change, text):
     """Depths over the tyre's diameter, currents by Froude's law: 1 m/s of the paper's vehicle is 1.83 m/s of a 4x4.
 
-    The calibrated coefficients were tried on drives in currents from all sides as well, the published ones were not.
+    The calibrated coefficients were tried on drives in currents from several sides as well; the published ones, and
+    those that were fitted to other runs, were not.
     """
     run = replace(
         COEFFICIENTS, vehicle=OTHER, hydrodynamics=CalibratedHydrodynamics(), **{"water": Water(0.36), **change}
@@ -157,11 +159,16 @@ def test_for_another_vehicle_the_water_beyond_what_was_tried_is_named(change, te
     found = trust_of(run)
     assert found.status == "not validated"
     assert found.attributes()["trust_beyond"] == text
-    assert found.line.startswith(
-        f"calibrated, not validated, and beyond what was tried anywhere (in brackets) by {text}:"
-        if text
-        else "calibrated, not validated:"
-    )
+    beyond = f", and beyond all that was tried (in brackets): {text}; " if text else ": "
+    assert found.line.startswith(f"calibrated, not validated{beyond}this vehicle")
+    ends = [100.0 * one["calibrated_end"] for one in CARD["drives"]]
+    told = f"current 0.052 to 1.1 m/s) it ended {min(ends):.2g} to {max(ends):.2g} % of the path away."
+    assert (told in found.line) == ("maneuver" not in change)  # straight ahead it is the speed
+    other = CalibratedHydrodynamics(waves=SurrogateHydrodynamics(FULL_RANGE).waves)
+    for model in (CoefficientHydrodynamics(), other):
+        aside = trust_of(replace(run, water=Water(0.36, 1.5, math.radians(150.0)), hydrodynamics=model))
+        assert "current turned from ahead by 30 deg (0 deg)" in aside.attributes()["trust_beyond"]
+        assert "other drives of that one" not in aside.line
 
 
 def test_the_papers_networks_have_errors_of_their_own():
@@ -344,7 +351,12 @@ def test_water_that_networks_learnt_but_no_drive_was_in_is_beyond_what_was_measu
     ]  # fmt: skip
     assert "of flow at depth ratios of 0.2 to 0.9, currents of 0 to 1.5 m/s" in found.line
     before = {**CARD, "drives": [{"end": 0.01, "maneuver": "lane change"}]}
-    assert driven_in(before) == {name: CARD[name] for name in ("depth_ratio", "current_speed")}
+    told = {name: CARD[name] for name in ("depth_ratio", "current_speed")}
+    assert driven_in(before) == told | {"current_turned": []}
+    for near in (Water.at_ratio(0.3, 0.0), Water.at_ratio(0.73, 1.1, current_direction=math.radians(55.0 - 180.0))):
+        assert trust_of(replace(deep, water=near), 0.0, 0.0).status == "measured", near
+    aside = trust_of(replace(deep, water=Water.at_ratio(0.7, 1.0, current_direction=0.5 * math.pi)), 0.0, 0.0)
+    assert [str(d) for d in aside.departures] == ["current turned from ahead by 90 deg (0, 36, 162 deg)"]
 
 
 def test_networks_are_judged_by_the_runs_that_are_most_like():

@@ -96,7 +96,7 @@ def test_what_water_carries_aside_is_said_of_a_vehicle_that_is_steered_straight(
     turning = made_up_run(lateral=-0.1)
     turning["yaw"][-1] = math.radians(-12.0)
     assert "it went 0.60 m to its right and turned by -12 deg" in judge(turning).sentence
-    for little in ({"lateral": 0.03}, {"lateral": 0.3, "steering": 0.1}, {"lateral": 0.02, "forward": 0.2}):
+    for little in ({"lateral": 0.03}, {"lateral": 0.3, "steering": 0.015}, {"lateral": 0.02, "forward": 0.2}):
         assert "it went" not in judge(made_up_run(**little)).sentence
 
 

@@ -42,6 +42,10 @@ OUTSIDE_RANGE = "outside the networks' training range for"
 """Quantity of runs that left the range of their networks."""
 OF_WATER = (OUTSIDE_RANGE, "depth ratio", "current", "current turned from ahead by")
 """Quantities of the water, and whether networks know it."""
+NEAR = {"depth_ratio": 0.05, "current_speed": 0.1}
+"""How near the range of a card's drives, which are few, counts as within it [-, m/s]."""
+NEAR_ANGLE = 20.0
+"""The same of the angle from which one of their currents came [deg]."""
 LEVEL_DIFFERENCE = 1e-3
 """Difference of the water's level over half the hull's length from which it is named [m]."""
 CURRENT_DIFFERENCE = 0.01
@@ -142,10 +146,12 @@ def departures_by_froude(
     table, scale = measured_errors(), time_scale(run.vehicle)
     ends, sides = {}, "ahead" if card is None else str(card["directions"])
     for name, factor in (("depth_ratio", 1.0), ("current_speed", scale)):
-        known = [] if card is None else driven_in(card)[name]
+        known: list[float] = [] if card is None else driven_in(card)[name]
         if card is None or isinstance(run.hydrodynamics, CoefficientHydrodynamics):
             known = [*known, *(row[name] for row in table["runs"])]
         ends[name] = [factor * end(known) for end in (min, max)]
+    if card is not None:
+        ends["current_turned"] = driven_in(card)["current_turned"]
     yield from _water_departures(run, ends, table["density"], met, sides)
     lowest = min(run.maneuver.wheel_speed(time)[0] for time in np.linspace(0.0, run.steps.duration, 50))
     if lowest < 0.0:
@@ -153,10 +159,15 @@ def departures_by_froude(
 
 
 def driven_in(card: Mapping[str, Any]) -> dict[str, list[float]]:
-    """Ranges of water of the drives of a card, by quantity; of the runs that taught where its drives do not say."""
+    """Waters of the drives of a card: ranges of depth ratio and current, and angles from which currents came [deg].
+
+    Where the drives do not say it, the ranges are those of the runs that taught, and there are no angles.
+    """
     found = {}
+    for name in ("depth_ratio", "current_speed", "current_turned"):
+        found[name] = [float(one[name]) for one in card["drives"] if isinstance(one.get(name), int | float)]
     for name in ("depth_ratio", "current_speed"):
-        values = [float(one[name]) for one in card["drives"] if isinstance(one.get(name), int | float)] or card[name]
+        values = found[name] or card[name]
         found[name] = [min(values), max(values)]
     return found
 
@@ -276,10 +287,17 @@ def _water_departures(
         ("current", current, "current_speed", "m/s"),
     ):
         low, high = ranges[name]
-        if any(not low - 1e-6 <= value <= high + 1e-6 for value in values):
+        near = 1e-6 if ranges.get("current_turned") is None else NEAR[name]  # drives of a card are few
+        if any(not low - near <= value <= high + near for value in values):
             yield Departure(quantity, values, rounded_span(low, high), unit)
+    angles = ranges.get("current_turned")
+    flows = max(current, default=0.0) > 0.0
     turned = min(aside, math.pi - aside) if sides == "along" else aside
-    if max(current, default=0.0) > 0.0 and sides != "all" and math.degrees(turned) > 0.5:
+    if flows and angles:
+        if min(abs(math.degrees(aside) - angle) for angle in angles) > NEAR_ANGLE:
+            tried = ", ".join(f"{angle:g}" for angle in sorted({round(angle) for angle in angles}))
+            yield Departure("current turned from ahead by", (math.degrees(aside),), tried, "deg")
+    elif flows and sides != "all" and math.degrees(turned) > 0.5:
         measured = "0" if sides == "ahead" else "0 or 180"
         yield Departure("current turned from ahead by", (math.degrees(aside),), measured, "deg")
     if not math.isclose(water.density, density, rel_tol=0.03):

@@ -96,7 +96,7 @@ class Trust:
         where = {
             "measured": ", measured on runs like this one: ",
             "beyond": f", beyond what was measured (in brackets): {self._beyond}. {self.advice} Where measured, ",
-            "not validated": f", not validated{self._untried}: {self.advice} ",
+            "not validated": f", not validated{self._untried} {self.advice} ",
         }[self.status]  # fmt: skip
         return f"{self.model}{where}{self.error} {self.soil}".replace("  ", " ")
 
@@ -108,7 +108,7 @@ class Trust:
     @property
     def _untried(self) -> str:
         """What lies beyond all that was tried comes first: no figure behind it holds there."""
-        return f", and beyond what was tried anywhere (in brackets) by {self._beyond}" if self.departures else ""
+        return f", and beyond all that was tried (in brackets): {self._beyond};" if self.departures else ":"
 
     def attributes(self) -> dict[str, str | float]:
         """Return the line and its parts, as kept in results."""
@@ -212,7 +212,8 @@ def _judged(cases: Sequence[_Case], card: Mapping[str, Any] | None) -> Trust:
         if not isinstance(model, CoefficientHydrodynamics) and not scaled:
             return trust
         wide = full_range_card()
-        tried = wide if card is None and trust.model == "calibrated" and wide["drives"] else card
+        known = isinstance(model, CalibratedHydrodynamics) and model.waves.digest() == fitted_coefficients().digest()
+        tried = wide if card is None and known and wide["drives"] else card
         beyond = [d for run, _, _, met in cases for d in departures_by_froude(run, met, tried)]
         left = [outside for _, outside, _, _ in cases if outside is not None and outside > 0.005]
         if scaled and left:
@@ -318,7 +319,7 @@ def _cheap(run: RunDescription, soil: str, water: Water, card: Mapping[str, Any]
     if name == "calibrated" and not straight and drives:
         ends = [float(one["calibrated_end"]) for one in drives]
         most = percents(min(ends), max(ends))
-        error += f" On {len(ends)} other drives of it{_waters(drives)}, currents from all sides, {most}."
+        error += f" On {len(ends)} other drives of that one{_waters(drives)} it ended {most} of the path away."
     label = f"networks ({name})" if name in table["named"] else name
     label = "calibrated (for the networks)" if name == "fitted" else label
     if same:
