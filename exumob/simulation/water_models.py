@@ -110,9 +110,10 @@ def hydrodynamics_named(
             f"vehicle, and {vehicle.name} has another shape ({shown}). Give networks made for it (`exumob learn`), or "
             "take 'calibrated' or the flow in the loop."
         )
+    vehicles = dict.fromkeys(name.split(" (")[0] for name in fitted_coefficients().about["runs"])
     _warn_once(
         f"{vehicle.name}: no networks know this vehicle ({shown}), so the loads of the water come from coefficients "
-        f"that were calibrated on {', '.join(fitted_coefficients().about['runs'])}. How far they are off here is not "
+        f"that were calibrated on {', '.join(vehicles)}. How far they are off here is not "
         f"known; {elsewhere_off('calibrated')}. `exumob learn` makes networks for a vehicle."
     )
     return CalibratedHydrodynamics(coefficients)
