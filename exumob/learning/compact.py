@@ -83,9 +83,9 @@ def thinned(run: xr.Dataset, variables: Collection[str] | None = DRIVEN, every: 
     Raises
     ------
     ValueError
-        If it is less than 1, or the last sample would be left out.
+        If it is less than 1, or the last sample would be left out (the usual 4 leave out at most 3 ms).
     """
-    if every < 1 or (run.sizes["time"] - 1) % every:
+    if every < 1 or (every != EVERY and (run.sizes["time"] - 1) % every):
         raise ValueError(
             f"thinned.every = {every} leaves out the last of {run.sizes['time']} samples; give a divisor of "
             f"{run.sizes['time'] - 1}."
