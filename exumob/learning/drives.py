@@ -20,8 +20,9 @@ from exumob.vehicle.parameters import Vehicle
 
 SOILS = ("Grenville loam 24 %", "LETE sand", "North Gower clayey loam 46 %")
 """Published soils of the drives, from firm to soft."""
-SOFTEST = "Dry sand (Land Locomotion Lab)"
-"""Published soil of a few drives in which the wheels sink deeper than on most others."""
+SOFT_GROUND = "Dry sand (Land Locomotion Lab)"
+"""Published soil of a few drives: the wheels sink deeper than on those, and no deeper than the flow's grid can see, as
+they do on lunar soil."""
 DURATION = 6.0
 """Of a drive that shows how a vehicle moves, times `time_scale` [s]."""
 REVERSING = -0.5

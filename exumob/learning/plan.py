@@ -27,7 +27,7 @@ from exumob.flow.grid import CELL_SIZE
 from exumob.flow.resolution import lengths_in_cells
 from exumob.flow.vehicle_window import vehicle_window
 from exumob.learning.cost import seed_time
-from exumob.learning.drives import FASTEST, SOFTEST, SOILS, judging_drives, maneuver_name, teaching_drive
+from exumob.learning.drives import FASTEST, SOFT_GROUND, SOILS, judging_drives, maneuver_name, teaching_drive
 from exumob.learning.presets import PRESETS, WHOLE_RANGE, Preset
 from exumob.paper.reference_runs import SOIL
 from exumob.simulation.cost import REPEATED, driving_time
@@ -57,7 +57,7 @@ APART = 5
 LEAST_DRIVES, DRIVES_A_ROUND = 4, 3
 """Drives that teach at least, and those that are added for each captive run."""
 ON_SOFT_GROUND, EVERY_ROUND = 100, 4
-"""Number of the first drive on the softest ground, in the deepest water: there the wheels are deepest in it; and in how
+"""Number of the first drive on soft ground, in the deepest water: there the wheels are deepest in it; and in how
 many rounds there is one."""
 FIRST = (0, 1, 4, 5, 2, 3)
 """Numbers of the first drives: two at the ends of the ranges, two within, and the other ends."""
@@ -487,10 +487,15 @@ def _teaching(vehicle: Vehicle, wanted: LearningRange, duration: float, costs: _
 def _on_soft_ground(
     vehicle: Vehicle, wanted: LearningRange, duration: float, costs: _Costs
 ) -> Iterator[FreeTask]:  # fmt: skip
-    """Drives that teach on the softest ground, one after the other, without end."""
+    """Drives that teach on soft ground, one after the other, without end."""
     for number in itertools.count(ON_SOFT_GROUND):
         _, current, side = _shares(number, 3)
-        what = wanted.water(vehicle, 1.0, current, side), teaching_drive(vehicle, number, duration), duration, SOFTEST
+        what = (
+            wanted.water(vehicle, 1.0, current, side),
+            teaching_drive(vehicle, number, duration),
+            duration,
+            SOFT_GROUND,
+        )
         yield _drive("drive", number, "teach", what, costs)
 
 
