@@ -490,12 +490,8 @@ def _on_soft_ground(
     """Drives that teach on soft ground, one after the other, without end."""
     for number in itertools.count(ON_SOFT_GROUND):
         _, current, side = _shares(number, 3)
-        what = (
-            wanted.water(vehicle, 1.0, current, side),
-            teaching_drive(vehicle, number, duration),
-            duration,
-            SOFT_GROUND,
-        )
+        water, maneuver = wanted.water(vehicle, 1.0, current, side), teaching_drive(vehicle, number, duration)
+        what = water, maneuver, duration, SOFT_GROUND
         yield _drive("drive", number, "teach", what, costs)
 
 
