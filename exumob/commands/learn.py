@@ -121,6 +121,7 @@ def learn_command(  # one argument an option of the command line
         with option_names():
             depths, currents = span("--depth", depth, unusual), span("--current", current, unusual)
             wanted = LearningRange(depths, currents, directions.value)
+            wanted.currents(car)  # refused, by its own name, if it is implausible for this vehicle
             if cell_size is None:
                 cell_size = CELLS * car.wheel.diameter
             size = CELL_SIZE.check("--cell-size", Unusual(cell_size) if unusual else cell_size)

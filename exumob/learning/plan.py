@@ -35,7 +35,7 @@ from exumob.simulation.settings import time_scale, usual_speed
 from exumob.support.cost import cores, spelled_size, spelled_time
 from exumob.support.declared import Declared, checked
 from exumob.support.provenance import parameters_json
-from exumob.support.quantities import CURRENT_SPEED, DEPTH_RATIO, Quantity, Unusual, unusual
+from exumob.support.quantities import CURRENT_SPEED, DEPTH_RATIO, ImplausibleValue, Quantity, Unusual, unusual
 from exumob.support.wording import whence
 from exumob.towing_tank.excitation import CHANNELS, Envelope, Excitation
 from exumob.vehicle.parameters import Vehicle
@@ -113,8 +113,23 @@ class LearningRange(Declared):
         return low, high
 
     def currents(self, vehicle: Vehicle) -> tuple[float, float]:
-        """Return the smallest and the largest speed of the current for a vehicle [m/s]."""
-        low, high = (speed * time_scale(vehicle) for speed in self.current)
+        """Return the smallest and the largest speed of the current for a vehicle [m/s].
+
+        Raises
+        ------
+        ImplausibleValue
+            If the largest is implausible for this vehicle.
+        """
+        scale = time_scale(vehicle)
+        low, high = (speed * scale for speed in self.current)
+        fastest = CURRENT_SPEED.plausible[1] if CURRENT_SPEED.plausible else math.inf
+        if high > fastest and not isinstance(high, Unusual):
+            raise ImplausibleValue(
+                f"LearningRange.current = {self.current[1]:g} m/s of a vehicle of the paper's size is {high:.3g} m/s of "
+                f"{vehicle.name} by Froude's law, and no more than {fastest:g} m/s is plausible; give at most "
+                f"{math.floor(100.0 * fastest / scale) / 100.0:g} m/s, or say that it is meant: unusual({self.current[1]:g}) "
+                "in Python, --unusual at the command line."
+            )
         return low, high
 
     def water(self, vehicle: Vehicle, depth: float, current: float, side: float) -> Water:

@@ -16,7 +16,7 @@ from typing import Any
 
 OTHER_UNITS = {
     # unit: (what people give in its stead, its size in that unit)
-    "m": (("mm", 1e-3), ("cm", 1e-2), ("km", 1e3)),
+    "m": (("mm", 1e-3), ("cm", 1e-2), ("inches", 0.0254), ("km", 1e3)),
     "rad": (("degrees", math.pi / 180.0),),
     "kg": (("t", 1e3), ("g", 1e-3)),
     "kg/m^3": (("g/cm^3", 1e3),),
@@ -215,7 +215,7 @@ class Quantity:
         return number
 
     def likely_unit(self, number: float) -> str:
-        """Ask for the unit, or two, in which a number out of range would be within it; empty if there is none."""
+        """Ask for the units, at most three, in which a number out of range would be within it; empty if there is none."""
         low, high = self.plausible or (max(self.above, self.at_least), min(self.below, self.at_most))
         found = []
         for unit, size in OTHER_UNITS.get(self.unit, ()):
@@ -223,7 +223,7 @@ class Quantity:
             if low <= converted <= high and self.within_bounds(converted):
                 right = f"math.radians({number:g})" if unit == "degrees" else self.text(converted)
                 found.append(f"{unit}? Then give {right}")
-        return f"is it in {'; or in '.join(found[:2])}." if found else ""
+        return f"is it in {'; or in '.join(found[:3])}." if found else ""
 
     def _remedy(self, number: float) -> str:
         """What to do about a number beyond the bounds."""
@@ -241,9 +241,9 @@ class Quantity:
         return f"{number:.6g} {self.symbol}".rstrip()
 
 
-DEPTH = Quantity("m", above=0.0, at_most=1e4, plausible=(1e-3, 50.0))
+DEPTH = Quantity("m", above=0.0, at_most=1e4, plausible=(1e-3, 20.0))
 """Depth of water"""
-DEPTH_RATIO = Quantity("1", above=0.0, at_most=1e4, plausible=(0.01, 50.0))
+DEPTH_RATIO = Quantity("1", above=0.0, at_most=1e4, plausible=(0.01, 20.0))
 """Depth of water over the tyre's diameter"""
 CURRENT_SPEED = Quantity(
     "m/s", at_least=0.0, at_most=100.0, plausible=(0.0, 15.0), negative="turn the flow with its direction."

@@ -32,10 +32,12 @@ from exumob.learning.plan import (
 )
 from exumob.simulation.result_files import save_dataset
 from exumob.simulation.settings import time_scale, usual_speed
+from exumob.support.quantities import ImplausibleValue, unusual
 from exumob.towing_tank.excitation import SLOW
 from exumob.water.wave_loads import WaveCoefficients
 from vehicle_models.amphibious import amphibious_vehicle
 from vehicle_models.light_4x4 import light_4x4
+from vehicle_models.small_car import small_car
 
 CAR = amphibious_vehicle()
 WANTED = LearningRange()
@@ -196,6 +198,16 @@ def test_the_plan_says_what_cells_lose_and_what_it_takes(plan):
 def test_bad_ranges_are_refused(field, value, message):
     with pytest.raises(ValueError, match=message):
         replace(WANTED, **{field: value})
+
+
+def test_a_current_that_is_implausible_for_a_vehicle_is_refused_by_its_own_name_or_taken_as_meant():
+    car = small_car()
+    message = r"LearningRange.current = 9 m/s .* 16.7 m/s of small car by Froude's law, .* give at most 8.08 m/s, or"
+    with pytest.raises(ImplausibleValue, match=message):
+        LearningRange(current=(0.0, 9.0)).currents(car)
+    assert LearningRange(current=(0.0, 9.0)).currents(CAR) == (0.0, 9.0)  # of the paper's size
+    assert 14.9 < LearningRange(current=(0.0, 8.08)).currents(car)[1] <= 15.0
+    assert LearningRange(current=(0.0, unusual(9.0))).currents(car)[1] > 15.0
 
 
 # -- folder and runs ---------------------------------------------------------------------------------------------------

@@ -40,7 +40,7 @@ def test_no_help_needs_a_numerical_package():
     calls = [["--help"], *([name, "--help"] for name in COMMANDS)]
     text, said, imported = python(CALLS.format(calls))
     assert imported == [] and said == ""
-    assert text.count("Usage: ") == len(calls) and "[m, 0.001 to 50]" in text  # of DEPTH
+    assert text.count("Usage: ") == len(calls) and "[m, 0.001 to 20]" in text  # of DEPTH
 
 
 def test_no_wrong_option_needs_a_numerical_package():

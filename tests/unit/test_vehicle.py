@@ -212,7 +212,7 @@ def test_bad_field_is_named_with_value_limit_and_remedy(part, field, value):
          r"damping = 0\.139 N s/m is 0\.03 % of the critical one .* is it in N s/mm\? Then give 139 N s/m"),
         (lambda v: replace(v, wheelbase=0.6, track=1.0), r"track = 1 m is 1\.67 times the wheelbase, .* swapped"),
         (lambda v: replace(v, hull=replace(v.hull, ground_clearance=29.0)),
-         r"ground_clearance = 29\.0 m .*is it in mm\? Then give 0\.029 m; or in cm\? Then give 0\.29 m\."),
+         r"ground_clearance = 29\.0 m .*is it in mm\? Then give 0\.029 m; or in cm\? Then give 0\.29 m; or in inches"),
     ],
 )  # fmt: skip
 def test_what_is_in_another_unit_or_swapped_is_asked_for(change, message):
