@@ -123,7 +123,7 @@ class Laboratory:
                 [found.inputs[n] for n in entries + which], [found.loads[n] for n in entries + which],
                 [found.usable[n] & ~validation[k % len(which)] for k, n in enumerate(entries)]
                 + [found.usable[n] & validation[k] for k, n in enumerate(which)],
-                found.filters,
+                found.filters, len(which),
             )  # fmt: skip
             bodies.append(
                 fit_body(parts, range(learn), range(learn, learn + len(which)), self.preset, seed, b)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from exumob.surrogates.networks import Architecture, NetworkSet
+from exumob.surrogates.networks import RANGE_STATES, Architecture, NetworkSet
 from exumob.surrogates.vehicle_shape import geometry
 from exumob.water.wave_loads import fitted_coefficients
 
@@ -16,8 +16,8 @@ def made_up(architecture, vehicle, seed=0):
     arrays = {n: 0.5 * rng.standard_normal((5, *s)) for n, s in architecture.shapes().items()}
     arrays |= {
         "input_mean": np.full((5, k), 0.1), "input_scale": np.full((5, k), 0.5), "input_low": np.full((5, k), -1.0),
-        "input_high": np.full((5, k), 1.0), "joint_inverse": np.tile(np.eye(k), (5, 1, 1)),
-        "joint_limit": np.full(5, 3.0), "output_mean": rng.standard_normal((5, 6)),
+        "input_high": np.full((5, k), 1.0), "range_states": np.zeros((5, RANGE_STATES, k)),
+        "range_reach": np.full(5, 3.0), "output_mean": rng.standard_normal((5, 6)),
         "output_scale": np.full((5, 6), 2.0),
     }  # fmt: skip
     about = {"preset": "made up", "seed": seed, "geometry": geometry(vehicle)}
@@ -33,6 +33,6 @@ def residual(vehicle, loads=0.0, **ranges):
         "coefficients": np.zeros_like(network.arrays["coefficients"]),
         "output_mean": np.full((5, 6), loads, np.float32),
         "input_low": np.full((5, 3), -50.0, np.float32), "input_high": np.full((5, 3), 50.0, np.float32),
-        "joint_limit": np.full(5, 500.0, np.float32),
+        "range_reach": np.full(5, 500.0, np.float32),
     }  # fmt: skip
     return NetworkSet(network.architecture, arrays | ranges, network.about)

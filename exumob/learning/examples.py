@@ -16,15 +16,19 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from exumob.learning.coverage import covering, reach
 from exumob.learning.dataset import base_loads, body_states, load_runs, usable, water_of, windows
 from exumob.learning.presets import Preset
 from exumob.paper.scenarios import UNSEEN
 from exumob.support.declared import checked
 from exumob.surrogates.inputs import MIRRORED_BODIES, MIRRORED_LOADS, SAMPLING, mirror_signs, network_inputs
 from exumob.surrogates.memory import filtered
-from exumob.surrogates.networks import TRAINED_DENSITY, Architecture, Single
+from exumob.surrogates.networks import RANGE_STATES, TRAINED_DENSITY, Architecture, Single
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.wave_loads import WaveCoefficients
+
+RANGE_INTERVAL = 10
+"""Instants from one to the next of those that may stand for the training range."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,8 @@ class Examples:
     """Instants of each run from which the network may learn, shape (n,)"""
     filters: tuple[float, ...]
     """Time constants of the filtered inputs [s]"""
+    count: int
+    """Runs before the mirrored ones: run n is mirrored in run n + count"""
 
     @cached_property
     def filtered(self) -> list[Single]:
@@ -133,26 +139,28 @@ def build_examples(
             [y[:, b].astype(np.float32) for y in loads],
             good,
             architecture.filters,
+            len(names),
         )
         for b in range(5)
     ]
 
 
-def scalers(found: Examples, runs: Sequence[int], architecture: Architecture) -> dict[str, Single]:
+def scalers(found: Examples, runs: Sequence[int]) -> dict[str, Single]:
     """Scalers and training range of one body, by the names of `exumob.surrogates.networks.NetworkSet.arrays`."""
     chosen = found.choose(runs, 0, 1)
     x = np.concatenate([found.inputs[r][rows] for r, rows in chosen]).astype(float)
     y = np.concatenate([found.loads[r][rows] for r, rows in chosen]).astype(float)
     scale = x.std(axis=0)
     scale = np.where(scale > 1e-6, scale, 1.0)
-    scaled = (x - x.mean(axis=0)) / scale
-    inverse = np.linalg.inv(scaled.T @ scaled / len(x) + 1e-4 * np.eye(x.shape[1]))
-    distance = np.sqrt(np.einsum("ni,ij,nj->n", scaled, inverse, scaled))
+    some = found.choose(runs, 0, RANGE_INTERVAL)
+    scaled = (np.concatenate([found.inputs[r][rows] for r, rows in some]) - x.mean(axis=0)) / scale
+    of = np.concatenate([np.full(len(rows), r % found.count) for r, rows in some])
+    states = covering(scaled, RANGE_STATES)
     return {
         name: np.asarray(value, np.float32)
         for name, value in {
             "input_mean": x.mean(axis=0), "input_scale": scale, "input_low": x.min(axis=0), "input_high": x.max(axis=0),
-            "joint_inverse": inverse, "joint_limit": distance.max(), "output_mean": y.mean(axis=0),
+            "range_states": scaled[states], "range_reach": reach(scaled, of, states), "output_mean": y.mean(axis=0),
             "output_scale": np.maximum(y.std(axis=0), 1e-6),
         }.items()
     }  # fmt: skip

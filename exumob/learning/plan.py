@@ -125,10 +125,10 @@ class LearningRange(Declared):
         fastest = CURRENT_SPEED.plausible[1] if CURRENT_SPEED.plausible else math.inf
         if high > fastest and not isinstance(high, Unusual):
             raise ImplausibleValue(
-                f"LearningRange.current = {self.current[1]:g} m/s of a vehicle of the paper's size is {high:.3g} m/s of "
-                f"{vehicle.name} by Froude's law, and no more than {fastest:g} m/s is plausible; give at most "
-                f"{math.floor(100.0 * fastest / scale) / 100.0:g} m/s, or say that it is meant: unusual({self.current[1]:g}) "
-                "in Python, --unusual at the command line."
+                f"LearningRange.current = {self.current[1]:g} m/s of a vehicle of the paper's size is {high:.3g} m/s "
+                f"of {vehicle.name} by Froude's law, and no more than {fastest:g} m/s is plausible; give at most "
+                f"{math.floor(100.0 * fastest / scale) / 100.0:g} m/s, or say that it is meant: "
+                f"unusual({self.current[1]:g}) in Python, --unusual at the command line."
             )
         return low, high
 

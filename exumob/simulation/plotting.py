@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.text import OffsetFrom
+from scipy.spatial.transform import Rotation
 
 from exumob.ground.terrain import Terrain
 from exumob.simulation.water_models import NAMES
@@ -255,6 +256,19 @@ def plot_water_force(axes: Axes, dataset: xr.Dataset, body: str = "hull", **styl
     return artists
 
 
+def plot_water_on_wheels(axes: Axes, dataset: xr.Dataset, **style: Any) -> list[Artist]:
+    """Force of the water on the four wheels together, in the axes of the hull; nothing if the run does not hold it."""
+    if "water_load" not in dataset or "quaternion" not in dataset:
+        return []
+    force = dataset["water_load"].sel(body=list(WHEELS)).sum("body").values
+    hull = Rotation.from_quat(dataset["quaternion"].sel(body="hull").values, scalar_first=True)
+    artists: list[Artist] = []
+    for k, values in enumerate(hull.apply(force, inverse=True).T):
+        look: dict[str, Any] = {"color": f"C{k}", "ls": "--", "lw": 0.9} | style
+        artists += axes.plot(dataset["time"], values, label=f"wheels $F_{'xyz'[k]}$", **look)
+    return artists
+
+
 def plot_run(dataset: xr.Dataset) -> Figure:
     """One run on one page: path, speeds, yaw and steering, slip, wheel loads, water, power; below, what it is worth.
 
@@ -308,8 +322,10 @@ def plot_run(dataset: xr.Dataset) -> Figure:
             plot_sinkage(grid["water"], dataset, lw=1.0)
             grid["water"].set_title("Sinkage of the wheels")
         else:
-            plot_water_force(grid["water"], dataset, lw=1.0)
-            grid["water"].set_title("Water on the hull, body axes")
+            for line in plot_water_force(grid["water"], dataset, lw=1.0):
+                line.set_label(f"hull {line.get_label()}")
+            plot_water_on_wheels(grid["water"], dataset)
+            grid["water"].set(ylabel="force of the water [N]", title="Water on hull and wheels, axes of the hull")
         grid["power"].plot(dataset["time"], dataset["spin_power"].sum("wheel"), color="C3", label="all wheels")
         grid["power"].set(xlabel="time [s]", ylabel="driving power [W]", title="Power")
         columns_of_yaw = 2 if "member_yaw" in dataset else 3

@@ -19,13 +19,12 @@ from exumob.support.declared import checked
 from exumob.support.measured import measured_errors
 from exumob.surrogates.networks import (
     COME_WITH_IT,
-    READABLE,
-    READS,
     VERSION,
     NetworkSet,
     _architecture,
     _checked_about,
     _checked_arrays,
+    check_version,
     network_file,
     read_arrays,
     write_arrays,
@@ -86,11 +85,7 @@ def load_members(file: str | Path) -> list[NetworkSet]:
     )
     if header.get("format") != ENSEMBLE:
         return [NetworkSet.load(path)]
-    if header.get("version") not in READS:
-        raise ValueError(
-            f"{path} is of version {header.get('version')} and this program reads {READABLE}; make it anew with "
-            "`exumob learn`."
-        )
+    check_version(header, path)
     said = header.get("members")
     if not isinstance(said, list) or not said or not all(isinstance(one, dict) for one in said):
         raise ValueError(f"{path} does not say what its members are; make it anew with `exumob learn`.")
@@ -115,8 +110,6 @@ def card_of(members: Sequence[NetworkSet], *, some: bool = False) -> dict[str, A
         return None
     if not some and card.get("members") != len(members):
         return None
-    if isinstance(card.get("soil"), str):  # files of before there were several
-        card = {name: value for name, value in card.items() if name != "soil"} | {"soils": [card["soil"]]}
     return card if _whole(card) else None
 
 

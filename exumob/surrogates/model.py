@@ -211,7 +211,9 @@ class SurrogateHydrodynamics:
         members, excess = self._answers(history, water, base)
         mean, spread = mean_and_spread(members)
         learnt = mean if base is None else mean - base
-        wide = np.zeros(5) if self.beyond is None else _share_of_others(excess, HANDOVER)  # none knows of slopes
+        wide = np.zeros(5)
+        if self.beyond is not None:  # for all bodies at once: it is one flow, and none of them knows of slopes
+            wide[:] = _share_of_others(excess, HANDOVER).max()
         if not self._bed.is_flat or water.depth is None:
             slope, dry = bed_below(self._around, np.ascontiguousarray(history.position[-1]))
             if slope > 0.0:

@@ -37,10 +37,10 @@ class TrainingRange(NamedTuple):
     high: Single
     width: Single
     """Shape (networks, k)"""
-    joint_inverse: Single
-    """Inverse covariance of the scaled inputs, shape (networks, k, k)"""
-    joint_limit: Single
-    """Largest Mahalanobis distance, shape (networks,)"""
+    states: Single
+    """Scaled inputs of instants in training, shape (networks, n, k)"""
+    reach: Single
+    """Distance from them at which the range ends, shape (networks,)"""
 
 
 class OutputLayers(NamedTuple):
@@ -83,19 +83,19 @@ def measure_excess(inputs: Array, trained: TrainingRange, scaling: InputScaling,
     z = np.empty(inputs.shape[1])
     for net in range(len(excess)):
         x = inputs[net % len(inputs)]
-        low, high, width, inverse = trained.low[net], trained.high[net], trained.width[net], trained.joint_inverse[net]
+        low, high, width, states = trained.low[net], trained.high[net], trained.width[net], trained.states[net]
         single = -np.inf
         for i in range(x.size):
             single = np.maximum(single, np.maximum(low[i] - x[i], x[i] - high[i]) / width[i])
             z[i] = (x[i] - scaling.mean[net, i]) / scaling.scale[net, i]
-        square = 0.0
-        for i in range(x.size):
-            row = 0.0
-            for j in range(x.size):
-                row += inverse[i, j] * z[j]
-            square += z[i] * row
+        nearest = np.inf
+        for n in range(len(states)):
+            square = 0.0
+            for i in range(x.size):
+                square += (z[i] - states[n, i]) ** 2
+            nearest = np.minimum(nearest, square)  # nan stays nan
         excess[net, 0] = single
-        excess[net, 1] = math.sqrt(np.maximum(square, 0.0)) / trained.joint_limit[net] - 1.0
+        excess[net, 1] = math.sqrt(nearest) / trained.reach[net] - 1.0
 
 
 @njit(cache=True, error_model="numpy")

@@ -41,10 +41,9 @@ from exumob.vehicle.motion import BODIES, WRENCH_COMPONENTS
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.wave_loads import WaveCoefficients
 
-FORMAT, VERSION = "exumob networks", 2
-READS = (1, 2)
-"""Versions of files that can be read: those of 1 rest on published coefficients, if on any."""
-READABLE = " and ".join(map(str, READS))
+FORMAT, VERSION = "exumob networks", 3
+RANGE_STATES = 256
+"""States of the training runs that a file keeps of each body, to tell what is unlike them."""
 WEIGHTS = PACKAGE / "surrogates" / "weights"
 """Folder of the networks that come with exumob."""
 FULL_RANGE = "full-range"
@@ -129,8 +128,9 @@ class NetworkSet:
     arrays: dict[str, Single]
     """Arrays by name, body first: weights (`Architecture.shapes`), scalers and learning curves.
 
-    ``input_low``, ``input_high``, shape (5, k): range of each input in training; ``joint_inverse`` (5, k, k): inverse
-    covariance of the scaled inputs; ``joint_limit`` (5,): largest Mahalanobis distance in training."""
+    ``input_low``, ``input_high``, shape (5, k): range of each input in training; ``range_states`` (5, n, k): scaled
+    inputs of `RANGE_STATES` instants in training, far from each other; ``range_reach`` (5,): distance from them within
+    which runs in training lie from each other (`exumob.learning.coverage`)."""
     about: dict[str, Any]
     """Origin of the networks: preset, seed, runs, held_back, geometry, data_hash, provenance; ``waves``, the terms of
     `NetworkSet.waves`, of those that are added to coefficients"""
@@ -144,7 +144,7 @@ class NetworkSet:
     def waves(self) -> WaveCoefficients | None:
         """The coefficients of waves in the loads to which those of the networks are added; None: added to none.
 
-        They are all 0 of networks that were trained before there were any, beside published coefficients.
+        They are all 0 of networks that were trained beside published coefficients alone.
         """
         if self.architecture.base == "none":
             return None
@@ -212,11 +212,7 @@ class NetworkSet:
             )
         if header.get("format") != FORMAT:
             raise ValueError(f"{path} holds arrays, but not exumob's networks; `exumob train` makes them.")
-        if header.get("version") not in READS:
-            raise ValueError(
-                f"{path} is of version {header.get('version')} and this program reads {READABLE}; train again with "
-                "`exumob train`."
-            )
+        check_version(header, path)
         architecture = _architecture(header.get("architecture"), path)
         arrays = _checked_arrays(architecture, arrays, path)
         return cls(architecture, arrays, _checked_about(header.get("about"), architecture, path))
@@ -320,8 +316,9 @@ class NetworkSet:
         Returns
         -------
         array, shape (5, 2); (5 sets, 2) if several are `stacked`
-            The worst single input: its distance from its range, over the range's width. All inputs jointly: their
-            Mahalanobis distance over the largest in training, less 1. Both are at most 0 inside the range.
+            The worst single input: its distance from its range, over the range's width. All inputs jointly: the
+            distance of the scaled inputs to the nearest of the ``range_states``, over ``range_reach``, less 1. Both are
+            at most 0 inside the range.
         """
         excess = np.empty((len(self._range.low), 2))
         measure_excess(inputs, self._range, self._scaling, excess)
@@ -330,10 +327,19 @@ class NetworkSet:
     @cached_property
     def _range(self) -> TrainingRange:
         """Range of the inputs in training, as the kernel reads it."""
-        low, high, inverse, limit = (
-            self.arrays[name] for name in ("input_low", "input_high", "joint_inverse", "joint_limit")
+        low, high, states, reach = (
+            self.arrays[name] for name in ("input_low", "input_high", "range_states", "range_reach")
         )
-        return TrainingRange(low, high, np.maximum(high - low, 1e-3 * self.arrays["input_scale"]), inverse, limit)
+        return TrainingRange(low, high, np.maximum(high - low, 1e-3 * self.arrays["input_scale"]), states, reach)
+
+
+def check_version(header: Mapping[str, Any], path: Path) -> None:
+    """Raise ValueError unless the header of a file of networks is of this program's version."""
+    if header.get("version") != VERSION:
+        raise ValueError(
+            f"{path} is of version {header.get('version')} and this program reads {VERSION}; train again with `exumob "
+            "train`, or with the `exumob learn` that made it, which goes on with its runs."
+        )
 
 
 def network_file(file: str | Path) -> Path:
@@ -406,8 +412,6 @@ def _file_digest(header: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> 
 def _architecture(given: Any, path: Path) -> Architecture:
     """Architecture of a file, its kinds and bounds checked."""
     known = {field.name for field in fields(Architecture)}
-    if isinstance(given, dict):
-        given = {"filters": ()} | given  # files made before have none
     if not isinstance(given, dict) or set(given) != known:
         wrong = sorted(set(given) ^ known) if isinstance(given, dict) else shown(given)
         raise ValueError(f"{path}: its architecture has {wrong} too many or too few; train again with `exumob train`.")
@@ -432,7 +436,7 @@ def _checked_about(about: Any, architecture: Architecture, path: Path) -> dict[s
             f"{path}: about.geometry has wrong, unknown or missing parameters: {', '.join(unknown + wrong + missing)}; "
             "it is of another version, train again with `exumob train`."
         )
-    if architecture.base == "coefficients" and "waves" in about:  # files made before have none
+    if architecture.base == "coefficients" and "waves" in about:  # beside published coefficients there are none
         try:
             WaveCoefficients.of_terms(about["waves"], {})
         except ValueError as error:
@@ -452,7 +456,7 @@ def _checked_arrays(architecture: Architecture, arrays: dict[str, Single], path:
     k, n = len(architecture.inputs), len(WRENCH_COMPONENTS)
     shapes: dict[str, tuple[int, ...]] = dict(architecture.shapes())
     shapes |= {name: (k,) for name in ("input_mean", "input_scale", "input_low", "input_high")}
-    shapes |= {"joint_inverse": (k, k), "joint_limit": (), "output_mean": (n,), "output_scale": (n,)}
+    shapes |= {"range_states": (RANGE_STATES, k), "range_reach": (), "output_mean": (n,), "output_scale": (n,)}
     for name, shape in shapes.items():
         if name not in arrays:
             raise ValueError(f"{path}: {name} is missing; the file is incomplete, train again with `exumob train`.")
@@ -468,7 +472,7 @@ def _checked_arrays(architecture: Architecture, arrays: dict[str, Single], path:
                 f"{path}: {name} is of shape {array.shape}, and not finite at {count} of {array.size} places; train "
                 "again with `exumob train`."
             )
-    for name in ("input_scale", "output_scale", "joint_limit"):
+    for name in ("input_scale", "output_scale", "range_reach"):
         if not (arrays[name] > 0.0).all():
             raise ValueError(f"{path}: {name} must be > 0 everywhere; train again with `exumob train`.")
     if (arrays["input_low"] > arrays["input_high"]).any():

@@ -9,7 +9,7 @@ from exumob.learning import evaluation
 from exumob.learning.disagreement import disagreement, load_scale, next_scenario, rank
 from exumob.paper.scenarios import Scenario
 from exumob.support.errors import SimulationError
-from exumob.surrogates.networks import Architecture, NetworkSet
+from exumob.surrogates.networks import RANGE_STATES, Architecture, NetworkSet
 from exumob.surrogates.vehicle_shape import geometry
 
 SHORT = {"micro_step": 5e-4, "macro_step": 20e-3, "duration": 0.1}
@@ -22,8 +22,8 @@ def member(vehicle, loads=0.0, slope=0.0, half_range=50.0):
     arrays = {
         "coefficients": np.tile([[loads / SCALE], [slope / SCALE]], (5, 1, 6)), "input_mean": np.zeros((5, 1)),
         "input_scale": np.ones((5, 1)), "input_low": np.full((5, 1), -half_range),
-        "input_high": np.full((5, 1), half_range), "joint_inverse": np.ones((5, 1, 1)),
-        "joint_limit": np.full(5, half_range), "output_mean": np.zeros((5, 6)), "output_scale": np.full((5, 6), SCALE),
+        "input_high": np.full((5, 1), half_range), "range_states": np.zeros((5, RANGE_STATES, 1)),
+        "range_reach": np.full(5, half_range), "output_mean": np.zeros((5, 6)), "output_scale": np.full((5, 6), SCALE),
     }  # fmt: skip
     architecture = Architecture(("forward_flow",), 1, 1, "polynomial", degree=1, base="coefficients")
     about = {"preset": "made up", "seed": 0, "geometry": geometry(vehicle)}

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from exumob.flow.output.vehicle_surface import body_triangles, stored_vehicle
 from exumob.ground.terrain import Terrain
@@ -25,6 +26,7 @@ from exumob.simulation.plotting import (
     vehicle_outlines,
 )
 from exumob.support.figures import footnote, legend_above_curves
+from exumob.vehicle.motion import WHEELS
 
 PATHS = {
     "short": lambda s: (0.0 * s, 0.0 * s, 0.0 * s),
@@ -184,6 +186,24 @@ def test_a_dry_run_shows_how_deep_the_wheels_sink(short_run):
     drawn = [line.get_ydata() for line in panel.get_lines()]
     np.testing.assert_allclose(drawn, 1e3 * short_run["sinkage"].values.T)
     assert panel.get_ylabel() == "sinkage [mm]"
+    plt.close(figure)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 90.0])
+def test_the_water_on_the_wheels_is_drawn_beside_that_on_the_hull(short_run, yaw):
+    """A world force of 3, 2, 1 N on each of four wheels: along and across the hull, whichever way that points."""
+    run = short_run.copy(deep=True)
+    run["water_load"].loc[{"body": list(WHEELS)}] = np.array([3.0, 2.0, 1.0])
+    run["quaternion"].loc[{"body": "hull"}] = Rotation.from_euler("z", yaw, degrees=True).as_quat(scalar_first=True)
+    figure = plot_run(run)
+    (panel,) = (axes for axes in figure.axes if axes.get_title().startswith("Water on hull and wheels"))
+    lines = {line.get_label(): line.get_ydata() for line in panel.get_lines()}
+    assert list(lines) == [f"{of} $F_{axis}$" for of in ("hull", "wheels") for axis in "xyz"]
+    for axis, force in zip("xyz", (12.0, 8.0, 4.0) if yaw == 0.0 else (8.0, -12.0, 4.0), strict=True):
+        assert lines[f"wheels $F_{axis}$"] == pytest.approx(force, abs=1e-9)
+        np.testing.assert_array_equal(
+            lines[f"hull $F_{axis}$"], run["water_wrench"].sel(body="hull", component=f"F{axis}")
+        )
     plt.close(figure)
 
 

@@ -301,7 +301,7 @@ def test_calm_runs_weigh_more_but_not_without_limit():
     """The weight of a run is the inverse variance of its loads, over that of the median run."""
     noise = np.random.default_rng(0).standard_normal((4000, 6))
     loads = [(scale * noise).astype(np.float32) for scale in (1.0, 3.0, 0.1, 0.0)]
-    found = Examples([np.zeros((4000, 1), np.float32)] * 4, loads, [np.ones(4000, bool)] * 4, ())
+    found = Examples([np.zeros((4000, 1), np.float32)] * 4, loads, [np.ones(4000, bool)] * 4, (), 4)
     weights = run_weights(found, [0, 1, 2], [3])
     assert weights[0] == pytest.approx(np.ones(6)) and weights[1] == pytest.approx(np.full(6, 1.0 / 9.0), rel=1e-3)
     assert weights[2] == pytest.approx(np.full(6, HEAVIEST)) and weights[3] == pytest.approx(np.full(6, HEAVIEST))

@@ -1,0 +1,63 @@
+"""States that stand for the training runs, and how far from them a state still counts as known."""
+
+import numpy as np
+import pytest
+
+from exumob.learning.coverage import covering, reach
+from exumob.surrogates.ensemble import load_members
+from exumob.surrogates.model import HANDOVER, shipped_networks
+from exumob.surrogates.networks import FULL_RANGE, RANGE_STATES, NetworkSet
+
+
+def test_each_chosen_state_is_the_furthest_from_those_before():
+    line = np.array([[0.0], [1.0], [4.0], [9.0], [10.0]])
+    assert covering(line, 5).tolist() == [0, 4, 2, 1, 3]  # the first of equals
+    assert covering(line[:2], 4).tolist()[:2] == [0, 1]  # repeated if there are fewer
+
+
+def test_chosen_states_leave_no_hole():
+    """No choice of as many covers with less than half of the radius (Gonzalez 1985); the square has a known one."""
+    x = np.linspace(0.0, 1.0, 101)
+    square = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
+    chosen = square[covering(square, 16)]
+    radius = np.sqrt(((square[:, None] - chosen) ** 2).sum(axis=2)).min(axis=1).max()
+    assert radius <= 2.0 * 0.125 * np.sqrt(2.0) * 1.05  # 4 x 4 places cover with 0.125 sqrt(2)
+
+
+@pytest.mark.parametrize("apart", [0.1, 1.0])
+def test_reach_is_how_far_runs_lie_from_each_other(apart):
+    along = np.linspace(0.0, 5.0, 501)
+    states = np.concatenate([np.stack([along, np.full_like(along, apart * n)], axis=1) for n in range(3)])
+    runs = np.repeat(np.arange(3), len(along))
+    assert reach(states, runs, np.arange(len(states))) == pytest.approx(apart, rel=1e-9)
+    few = covering(states, RANGE_STATES)
+    assert apart <= reach(states, runs, few) < apart + 0.1  # with what the chosen ones miss
+
+
+def test_a_single_run_reaches_to_its_furthest_state():
+    line = np.linspace(0.0, 8.0, 9)[:, None]
+    assert reach(line, np.zeros(9, int), np.array([0, 8])) == pytest.approx(4.0)
+    assert reach(np.zeros((3, 1)), np.zeros(3, int), np.array([0])) > 0.0
+
+
+def state(network, **values):
+    """Inputs of a steady motion: the means in training, but for what is given; shape (5, k)."""
+    inputs = network.arrays["input_mean"].astype(float).copy()
+    for name, value in values.items():
+        inputs[:, network.architecture.inputs.index(name)] = value
+    return inputs
+
+
+STRAIGHT = {"forward_speed": 0.7, "yaw_rate": 0.0, "steering": 0.0, "heave_rate": 0.0, "roll": 0.0}
+
+
+@pytest.mark.parametrize("lateral", [-0.35, 0.35])
+def test_a_current_from_the_side_is_unlike_lane_changes_in_a_current_from_ahead(lateral):
+    """Sideslip of a fast current from ahead with the speeds of a slow one: each in its range, never both."""
+    head = STRAIGHT | {"forward_flow": 1.5, "lateral_flow": 0.0}
+    aside = STRAIGHT | {"forward_flow": 0.4, "lateral_flow": lateral, "forward_speed": 0.4}
+    lane = [NetworkSet.load(file) for file in shipped_networks()]
+    assert all(one.excess(state(one, **head)).max() <= 0.0 for one in lane)
+    single, joint = np.mean([one.excess(state(one, **aside)) for one in lane], axis=0).max(axis=0)
+    assert single <= 0.0 and joint > HANDOVER[1]
+    assert all(one.excess(state(one, **aside)).max() <= 0.0 for one in load_members(FULL_RANGE))
