@@ -71,7 +71,8 @@ def judge_crossing(run: xr.Dataset, limits: Limits) -> dict[str, float]:
         ``speed`` ahead along the first heading [m/s]; ``drift`` to the left over the width [m]; mean ``slip`` ratio of
         the wheels in contact [-] (nan without contact); ``power`` at the wheels [W] (nan for packed runs);
         ``wheel_load``: share of the weight on the wheels [-]; ``tilt``: largest roll or pitch [rad]; ``out_of_range``:
-        share of the window outside the training range [-] (0 without networks).
+        share of the window outside the training range [-], ``wide_range``: share of the networks for the whole range
+        in its loads [-] (both 0 without networks).
 
     Raises
     ------
@@ -109,7 +110,7 @@ def judge_crossing(run: xr.Dataset, limits: Limits) -> dict[str, float]:
         "power": float(late["spin_power"].sum("wheel").mean()) if "spin_power" in late else math.nan,
         "wheel_load": float(wheel_load_share(late).mean()),
         "tilt": float(max(np.abs(run[name].sel(body="hull")).max() for name in ("roll", "pitch"))),
-        "out_of_range": _out_of_range(run, end - limits.window),
+        **_ranges(run, end - limits.window),
     }
 
 
@@ -143,10 +144,9 @@ class Crossing(Declared):
             nothing = dict.fromkeys(("speed", "drift", "slip", "power", "wheel_load", "tilt"), math.nan)
             verdict = verdict_of_error(error)
             kind = verdict.kind if verdict.kind in FAILURES else "broke down"
-            outside = 0.0 if error.result is None else _out_of_range(error.result, 0.0)
             return {
                 "crossed": 0.0, "failure": float(FAILURES.index(kind)), "failure_since": verdict.since, **nothing,
-                "out_of_range": outside,
+                **_ranges(error.result, 0.0),
             }  # fmt: skip
         return judge_crossing(run, self.limits)
 
@@ -165,8 +165,13 @@ class Crossing(Declared):
         return asdict(self)
 
 
-def _out_of_range(run: xr.Dataset, begin: float) -> float:
-    if "hydrodynamics_out_of_range" not in run:
-        return 0.0
-    outside = run["hydrodynamics_out_of_range"].any("body").sel(macro_time=slice(begin, None))
-    return float(outside.mean()) if outside.size else 0.0
+def _ranges(run: xr.Dataset | None, begin: float) -> dict[str, float]:
+    """Shares of the time outside the training range, and of the networks for the whole range, from `begin` [s] on."""
+    late = None if run is None or "macro_time" not in run.dims else run.sel(macro_time=slice(begin, None))
+    if late is None or not late.sizes["macro_time"]:
+        return {"out_of_range": 0.0, "wide_range": 0.0}
+    outside, wide = late.get("hydrodynamics_out_of_range"), late.get("hydrodynamics_wide_range_share")
+    return {
+        "out_of_range": 0.0 if outside is None else float(outside.any("body").mean()),
+        "wide_range": 0.0 if wide is None else float(wide.mean()),
+    }

@@ -27,6 +27,7 @@ MEASURES = {
     "wheel_load": ("1", "share of the weight on the wheels"),
     "tilt": ("rad", "largest roll or pitch"),
     "out_of_range": ("1", "share of the time out of range"),
+    "wide_range": ("1", "share of the networks for the whole range in the loads"),
 }
 """Numbers of a verdict (`exumob.mobility.crossing.judge_crossing`) that are averaged at a node: unit and meaning."""
 
@@ -107,7 +108,7 @@ class Lattice:
         Parameters
         ----------
         has_range : bool
-            Whether the model of the water has a training range; if not, ``out_of_range`` is nan.
+            Whether the model of the water has a training range; if not, ``out_of_range`` and ``wide_range`` are nan.
         """
         dims = ("panel", "y", "x")
         low, high = np.full(self.runs.shape, math.nan), np.full(self.runs.shape, math.nan)
@@ -131,7 +132,8 @@ class Lattice:
                 variables[name] = (dims, self.values[name], about)
         if not has_range:
             text = "nan: the model of the water has no training range"
-            variables["out_of_range"] = (dims, np.full(self.runs.shape, math.nan), {"units": "1", "long_name": text})
+            nothing = (dims, np.full(self.runs.shape, math.nan), {"units": "1", "long_name": text})
+            variables |= {"out_of_range": nothing, "wide_range": nothing}
         return xr.Dataset(variables, coords={"panel": self.panels, "y": self.y, "x": self.x})
 
 

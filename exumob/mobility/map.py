@@ -44,7 +44,7 @@ from exumob.sweeps.sampling import (
     require_room_for,
     sample,
 )
-from exumob.sweeps.trust_of_sweep import trust_of_sweep
+from exumob.sweeps.trust_of_sweep import OUTSIDE, WIDE, trust_of_sweep
 
 logger = logging.getLogger(__name__)
 
@@ -143,11 +143,22 @@ class MobilityMap(Declared):
                     if (x, y) == (self.x.high, self.y.high) and (n == 0 or shaped):
                         tried.check()
 
-    def trust(self) -> dict[str, str | float]:
-        """Say what the runs of the map are worth, as attributes (see `trust_of_sweep`)."""
+    def trust(self, mapped: xr.Dataset) -> dict[str, str | float]:
+        """Say what the runs of the map are worth, as attributes (see `trust_of_sweep`).
+
+        Parameters
+        ----------
+        mapped : xarray.Dataset
+            What its nodes found. Of those that are not hatched it counts which networks answered.
+        """
         corners = itertools.product((self.x.low, self.x.high), (self.y.low, self.y.high))
         cases = [self.case(panel, x, y, {}) for x, y in corners for panel in self.panels.values()]
-        return trust_of_sweep(self.crossing.experiment, cases)
+        told = mapped.where(mapped["out_of_range"] <= self.crossing.limits.range_share)
+        found = {
+            name: np.full(len(cases), np.nan_to_num(float(told[variable].max())))
+            for name, variable in ((OUTSIDE, "out_of_range"), (WIDE, "wide_range"))
+        }
+        return trust_of_sweep(self.crossing.experiment, cases, found)
 
     def current_from(self) -> str:
         """Say from where the current comes; empty if there is none, if that varies, or is that of a field."""
@@ -372,7 +383,7 @@ def compute_map(
         unit, text = wanted.crossing.experiment.meaning(axis.name)
         result[dim].attrs |= {"units": unit, "long_name": text}
     result["panel"].attrs |= {"units": "1", "long_name": "name of the map"}
-    result.attrs |= provenance() | wanted.trust() | counts | {
+    result.attrs |= provenance() | wanted.trust(result) | counts | {
         "title": "exumob mobility map", "random_seed": wanted.seed, "parameters": parameters_json({"map": wanted}),
         "draws": len(factors), "computed_share": float((lattice.runs > 0).mean()), "failures": ", ".join(FAILURES),
         "vehicle": wanted.crossing.experiment.vehicle.name, "current_from": wanted.current_from(),

@@ -3,7 +3,9 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
+import xarray as xr
 
 from exumob.mobility.crossing import Crossing, Limits
 from exumob.mobility.map import Axis, MobilityMap, compute_map
@@ -37,3 +39,18 @@ def test_a_crossing_says_what_its_numbers_mean():
     """Every number that it returns has a unit."""
     assert {"crossed", "failure", "failure_since", "speed", "drift", "tilt"} <= set(CROSSING.variables)
     assert CROSSING.variables["tilt"][0] == "rad"
+
+
+@pytest.mark.parametrize(
+    ("wide", "outside", "networks"), [(0.0, 0.0, "lane"), (0.6, 0.0, "whole range"), (0.6, 1.0, "lane")]
+)
+def test_the_line_of_trust_names_the_networks_that_answered_where_the_map_is_not_hatched(wide, outside, networks):
+    wanted = MobilityMap(
+        Crossing(amphibious_crossing(), Limits()), Axis("water.current_speed", 0.0, 1.0),
+        Axis("water.depth_ratio", 0.4, 0.6), scatter={},
+    )  # fmt: skip
+    shape = ("panel", "y", "x"), np.zeros((1, 2, 2))
+    mapped = xr.Dataset({"wide_range": shape, "out_of_range": shape}).copy(deep=True)
+    mapped["wide_range"][0, 1, 1], mapped["out_of_range"][0, 1, 1] = wide, outside
+    line = wanted.trust(mapped)["trust"]
+    assert ("learnt from" in line) == (networks == "whole range"), line
