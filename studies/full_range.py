@@ -4,12 +4,14 @@ Beyond the range of nine lane changes, which taught the first of them (`data/cfd
 from the 22 runs of `data/full_range` that teach: drives over four soils and captive runs that `exumob learn` planned
 and made for the paper's vehicle, on cells of 22 mm. Here they are compared with the coefficients that they rest on and
 with the calibrated ones, on the five drives that were kept apart, and each seed by itself on the drives that it kept
-for validation. Then they are asked how much of a map they know: straight ahead over all published soils, in several
-depths, currents and directions.
+for validation. The same five drives and two straight ones across a current were made on cells of 18 mm as well, those
+of the runs from which the default networks learned (`data/full_range/fine`). Then they are asked how much of a map they
+know: straight ahead over all published soils, in several depths, currents and directions.
 
 First: exumob train --preset balanced --data data/full_range/runs --output networks
 Run: python studies/full_range.py --networks networks [--map] [--jobs 2]     (five minutes, with --map twenty more;
-     without --networks those that come with exumob stay)
+     without --networks those that come with exumob stay; runs on 18 mm that are missing are made anew, in a quarter to
+     half an hour of a core each)
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ import json
 import math
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +34,8 @@ from matplotlib.figure import Figure
 
 from exumob import Soil, simulate
 from exumob.driving.maneuver import ConstantSteer
+from exumob.learning.campaign import compute_task
+from exumob.learning.compact import thinned
 from exumob.learning.dataset import load_run, load_runs
 from exumob.learning.drives import maneuver_name
 from exumob.learning.evaluation import closed_loop
@@ -38,6 +43,8 @@ from exumob.learning.plan import FreeTask
 from exumob.learning.presets import WHOLE_RANGE
 from exumob.learning.validation import card_figures, compare_drives, compare_loads, load_errors
 from exumob.mobility.crossing import Limits
+from exumob.paper.reference_runs import work_folder
+from exumob.simulation.result_files import save_dataset
 from exumob.support.errors import SimulationError
 from exumob.support.figures import STYLE
 from exumob.surrogates.ensemble import save_ensemble
@@ -55,6 +62,10 @@ ones."""
 DEPTHS, CURRENTS, SIDES = (0.2, 0.55, 0.9), (0.0, 0.75, 1.5), (0.0, 90.0, 180.0)
 """Waters of a map: depths over the tyre's diameter, currents [m/s], and where they come from, from ahead to the left
 [deg]."""
+FINE_RUNS, FINE = FULL_RANGE_RUNS / "fine", 0.018
+"""Folder of the runs on finer cells, and their width [m]."""
+ACROSS = ((0.6, 0.5), (0.5, 0.75))
+"""Waters of drives straight ahead across a current from the right: depth over the tyre's diameter, speed [m/s]."""
 STRAIGHT, WINDOW = 3.0, 1.5
 """Time for which the vehicle goes straight ahead there, and the last part of it that counts [s], as in a map."""
 
@@ -84,14 +95,40 @@ def judges() -> list[FreeTask]:
     return [task for task in full_range_plan().tasks if isinstance(task, FreeTask) and task.role == "apart"]
 
 
-def compared(tasks: Sequence[FreeTask]) -> xr.Dataset:
+def fine_tasks() -> list[FreeTask]:
+    """The same drives on finer cells, and straight ahead across a current."""
+    tasks = [replace(task, cell_size=FINE) for task in judges()]
+    for ratio, current in ACROSS:
+        water = Water(ratio * amphibious_vehicle().wheel.diameter, current, 0.5 * math.pi)
+        tasks.append(
+            replace(
+                tasks[0], name=f"across_D{100.0 * ratio:.0f}_U{current:g}", soil="LETE sand", water=water,
+                maneuver=ConstantSteer(), duration=5.0,
+            )
+        )  # fmt: skip
+    return tasks
+
+
+def make_fine(task: FreeTask) -> None:
+    """Make a run on finer cells, unless it is there; it goes on where it was stopped."""
+    file = FINE_RUNS / f"{task.name}.nc"
+    if not file.exists():
+        checkpoint = work_folder() / "full_range_fine" / f"{task.name}.npz"
+        for folder in (checkpoint.parent, FINE_RUNS):
+            folder.mkdir(parents=True, exist_ok=True)
+        run = compute_task(task, amphibious_vehicle(), checkpoint, lambda time: None)
+        save_dataset(thinned(run, every=10), file)
+        checkpoint.unlink()
+
+
+def compared(tasks: Sequence[FreeTask], folder: Path = FULL_RANGE_RUNS / "runs") -> xr.Dataset:
     """Where models end beside the flow, and how far the loads are off along its runs."""
     vehicle, networks = amphibious_vehicle(), SurrogateHydrodynamics(FULL_RANGE)
     models: dict[str, Hydrodynamics] = {
         "networks": SurrogateHydrodynamics(), FULL_RANGE: networks,
         "their coefficients": CalibratedHydrodynamics(waves=networks.waves), "calibrated": CalibratedHydrodynamics(),
     }  # fmt: skip
-    runs = load_runs(FULL_RANGE_RUNS / "runs" / f"{task.name}.nc" for task in tasks)
+    runs = load_runs(folder / f"{task.name}.nc" for task in tasks)
     ends = [[_end(task, model, runs[task.name]) for task in tasks] for model in models.values()]
     along = {name: compare_loads(networks.networks, run, vehicle) for name, run in runs.items()}
     found = load_errors(along, vehicle)
@@ -216,22 +253,26 @@ def _legend(axes: Any) -> tuple[list[str], list[Any]]:
     return labels, handles
 
 
-def lines(ends: xr.Dataset, held: xr.Dataset) -> str:
-    """The tables as they stand on the page of the study."""
+def end_rows(ends: xr.Dataset) -> list[str]:
+    """The table of drives beside the flow, as it stands on the page of the study."""
     rows = [f"| final position [% of the path] | {' | '.join(MODELS)} |", "|---" * (len(MODELS) + 1) + "|"]
     for n, about in enumerate(ends["about"].values):
         rows.append(f"| {about} | {' | '.join(f'{v:.2g}' for v in ends['final'].values[:, n])} |")
     means = [f"{v.mean():.2g} ({v.max():.2g})" for v in ends["final"].values]
     rows.append(f"| **mean (worst)** | {' | '.join(means)} |")
     off = [f"{one} {float(ends['load_error'].sel(loads=one)):.2f}" for one in ends["loads"].values]
-    rows.append(f"\nLoad error on these drives: {', '.join(off)}")
-    rows.append(f"\n| drives that a seed kept for validation | {' | '.join(held['model'].values)} |")
+    return [*rows, "", f"Load error on these drives: {', '.join(off)}"]
+
+
+def held_rows(held: xr.Dataset) -> list[str]:
+    """The table of each seed on the drives that it kept for validation."""
+    rows = [f"| drives that a seed kept for validation | {' | '.join(held['model'].values)} |"]
     rows.append("|---" * (held.sizes["model"] + 1) + "|")
     for n, about in enumerate(held["run"].values):
         rows.append(f"| {about} | {' | '.join(f'{v:.2g}' for v in held['final'].values[n])} |")
     means = zip(held["final"].mean("run").values, held["final"].max("run").values, strict=True)
     rows.append(f"| **mean (worst)** | {' | '.join(f'{m:.2g} ({w:.2g})' for m, w in means)} |")
-    return "\n".join(rows)
+    return rows
 
 
 def map_lines(share: xr.Dataset) -> str:
@@ -258,9 +299,14 @@ def main(
         return compared(judges()[:1])
     if networks is not None:
         ship(networks)
-    ends, held = compared(judges()), held_back()
-    save({"full_range.png": plot(ends, held), "full_range.nc": ends, "full_range_held_back.nc": held})
-    print(lines(ends, held))
+    with ProcessPoolExecutor(jobs) as pool:
+        list(pool.map(make_fine, fine_tasks()))
+    ends, held, fine = compared(judges()), held_back(), compared(fine_tasks(), FINE_RUNS)
+    save({
+        "full_range.png": plot(ends, held), "full_range.nc": ends, "full_range_held_back.nc": held,
+        "full_range_fine.nc": fine,
+    })  # fmt: skip
+    print("\n".join([*end_rows(ends), "", *held_rows(held), "", f"on cells of {1e3 * FINE:g} mm", *end_rows(fine)]))
     if ask_map:
         save({"full_range_known.nc": (share := known(jobs, quick))})
         print(map_lines(share))
