@@ -23,7 +23,7 @@ from exumob.paper.scenarios import UNSEEN
 from exumob.support.declared import checked
 from exumob.surrogates.inputs import MIRRORED_BODIES, MIRRORED_LOADS, SAMPLING, mirror_signs, network_inputs
 from exumob.surrogates.memory import filtered
-from exumob.surrogates.networks import RANGE_STATES, TRAINED_DENSITY, Architecture, Single
+from exumob.surrogates.networks import RANGE_STATES, TRAINED_DENSITY, Architecture, Single, range_scale
 from exumob.vehicle.parameters import Vehicle
 from exumob.water.wave_loads import WaveCoefficients
 
@@ -145,15 +145,18 @@ def build_examples(
     ]
 
 
-def scalers(found: Examples, runs: Sequence[int]) -> dict[str, Single]:
-    """Scalers and training range of one body, by the names of `exumob.surrogates.networks.NetworkSet.arrays`."""
+def scalers(found: Examples, runs: Sequence[int], inputs: Sequence[str]) -> dict[str, Single]:
+    """Scalers and training range of one body, by the names of `exumob.surrogates.networks.NetworkSet.arrays`.
+
+    `inputs` are the names of the inputs.
+    """
     chosen = found.choose(runs, 0, 1)
     x = np.concatenate([found.inputs[r][rows] for r, rows in chosen]).astype(float)
     y = np.concatenate([found.loads[r][rows] for r, rows in chosen]).astype(float)
     scale = x.std(axis=0)
     scale = np.where(scale > 1e-6, scale, 1.0)
     some = found.choose(runs, 0, RANGE_INTERVAL)
-    scaled = (np.concatenate([found.inputs[r][rows] for r, rows in some]) - x.mean(axis=0)) / scale
+    scaled = (np.concatenate([found.inputs[r][rows] for r, rows in some]) - x.mean(axis=0)) / range_scale(inputs, scale)
     of = np.concatenate([np.full(len(rows), r % found.count) for r, rows in some])
     states = covering(scaled, RANGE_STATES)
     return {

@@ -48,7 +48,7 @@ def fit_body(
     """
     torch.set_num_threads(1)
     architecture = preset.architecture
-    scale = scalers(found, train)
+    scale = scalers(found, train, architecture.inputs)
     scaled = replace(
         found,
         inputs=[(x - scale["input_mean"]) / scale["input_scale"] for x in found.inputs],

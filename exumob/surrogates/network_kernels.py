@@ -36,9 +36,10 @@ class TrainingRange(NamedTuple):
     low: Single
     high: Single
     width: Single
-    """Shape (networks, k)"""
+    scale: Single
+    """By which states are compared; each of shape (networks, k)"""
     states: Single
-    """Scaled inputs of instants in training, shape (networks, n, k)"""
+    """Inputs of instants in training, less their mean and over that scale, shape (networks, n, k)"""
     reach: Single
     """Distance from them at which the range ends, shape (networks,)"""
 
@@ -87,7 +88,7 @@ def measure_excess(inputs: Array, trained: TrainingRange, scaling: InputScaling,
         single = -np.inf
         for i in range(x.size):
             single = np.maximum(single, np.maximum(low[i] - x[i], x[i] - high[i]) / width[i])
-            z[i] = (x[i] - scaling.mean[net, i]) / scaling.scale[net, i]
+            z[i] = (x[i] - scaling.mean[net, i]) / trained.scale[net, i]
         nearest = np.inf
         for n in range(len(states)):
             square = 0.0

@@ -44,6 +44,9 @@ from exumob.water.wave_loads import WaveCoefficients
 FORMAT, VERSION = "exumob networks", 3
 RANGE_STATES = 256
 """States of the training runs that a file keeps of each body, to tell what is unlike them."""
+SLIGHT_VELOCITY, SLIGHT_ANGLE = 0.05, 0.005
+"""Differences that hardly change the water's loads, however small they were in training: of a velocity over the scale of
+the largest one [-], of an angle [rad]; chosen by us."""
 WEIGHTS = PACKAGE / "surrogates" / "weights"
 """Folder of the networks that come with exumob."""
 FULL_RANGE = "full-range"
@@ -128,9 +131,9 @@ class NetworkSet:
     arrays: dict[str, Single]
     """Arrays by name, body first: weights (`Architecture.shapes`), scalers and learning curves.
 
-    ``input_low``, ``input_high``, shape (5, k): range of each input in training; ``range_states`` (5, n, k): scaled
-    inputs of `RANGE_STATES` instants in training, far from each other; ``range_reach`` (5,): distance from them within
-    which runs in training lie from each other (`exumob.learning.coverage`)."""
+    ``input_low``, ``input_high``, shape (5, k): range of each input in training; ``range_states`` (5, n, k): inputs of
+    `RANGE_STATES` instants in training, far from each other, less their mean and over `range_scale`; ``range_reach``
+    (5,): distance from them within which runs in training lie from each other (`exumob.learning.coverage`)."""
     about: dict[str, Any]
     """Origin of the networks: preset, seed, runs, held_back, geometry, data_hash, provenance; ``waves``, the terms of
     `NetworkSet.waves`, of those that are added to coefficients"""
@@ -316,9 +319,9 @@ class NetworkSet:
         Returns
         -------
         array, shape (5, 2); (5 sets, 2) if several are `stacked`
-            The worst single input: its distance from its range, over the range's width. All inputs jointly: the
-            distance of the scaled inputs to the nearest of the ``range_states``, over ``range_reach``, less 1. Both are
-            at most 0 inside the range.
+            The worst single input: its distance from its range, over the range's width. All inputs jointly: their
+            distance to the nearest of the ``range_states``, over ``range_reach``, less 1. Both are at most 0 inside the
+            range. Ranges are wider by slight differences, and those count less (`range_scale`).
         """
         excess = np.empty((len(self._range.low), 2))
         measure_excess(inputs, self._range, self._scaling, excess)
@@ -327,10 +330,37 @@ class NetworkSet:
     @cached_property
     def _range(self) -> TrainingRange:
         """Range of the inputs in training, as the kernel reads it."""
-        low, high, states, reach = (
-            self.arrays[name] for name in ("input_low", "input_high", "range_states", "range_reach")
+        low, high, scale, states, reach = (
+            self.arrays[name] for name in ("input_low", "input_high", "input_scale", "range_states", "range_reach")
         )
-        return TrainingRange(low, high, np.maximum(high - low, 1e-3 * self.arrays["input_scale"]), states, reach)
+        wider = range_scale(self.architecture.inputs, scale)
+        low, high = low - (wider - scale), high + (wider - scale)
+        return TrainingRange(low, high, np.maximum(high - low, 1e-3 * scale), wider, states, reach)
+
+
+def range_scale(inputs: Sequence[str], scale: Single) -> Single:
+    """Return the scales of inputs by which states are compared, shape (..., k): not less than slight differences.
+
+    A wheel in a lane change goes up and down by 1 mm/s, and by 7 mm/s it would be far out of that range; beside a flow
+    of 1 m/s neither is felt.
+
+    Parameters
+    ----------
+    inputs : sequence of str
+        Their k names.
+    scale : array, shape (..., k)
+        Their deviations in training.
+    """
+    units = np.array([INPUTS[name].unit for name in inputs])
+    found = np.array(scale, np.float32)
+    moving = units == "m/s"
+    if moving.any():
+        found[..., moving] = np.maximum(
+            found[..., moving], SLIGHT_VELOCITY * found[..., moving].max(axis=-1, keepdims=True)
+        )
+    turned = units == "rad"
+    found[..., turned] = np.maximum(found[..., turned], np.float32(SLIGHT_ANGLE))
+    return found
 
 
 def check_version(header: Mapping[str, Any], path: Path) -> None:

@@ -6,7 +6,7 @@ import pytest
 from exumob.learning.coverage import covering, reach
 from exumob.surrogates.ensemble import load_members
 from exumob.surrogates.model import HANDOVER, shipped_networks
-from exumob.surrogates.networks import FULL_RANGE, RANGE_STATES, NetworkSet
+from exumob.surrogates.networks import FULL_RANGE, RANGE_STATES, NetworkSet, range_scale
 
 
 def test_each_chosen_state_is_the_furthest_from_those_before():
@@ -61,3 +61,22 @@ def test_a_current_from_the_side_is_unlike_lane_changes_in_a_current_from_ahead(
     single, joint = np.mean([one.excess(state(one, **aside)) for one in lane], axis=0).max(axis=0)
     assert single <= 0.0 and joint > HANDOVER[1]
     assert all(one.excess(state(one, **aside)).max() <= 0.0 for one in load_members(FULL_RANGE))
+
+
+def test_slight_differences_do_not_leave_the_range():
+    """In D40/U1 driven with the networks wheels go up and down by 8 mm/s, in training by 1 mm/s, in 1.6 m/s of water."""
+    for file in shipped_networks():
+        lane = NetworkSet.load(file)
+        still = state(lane, **STRAIGHT, forward_flow=1.5, lateral_flow=0.0)
+        shaken = state(lane, **STRAIGHT | {"heave_rate": 0.008}, forward_flow=1.5, lateral_flow=0.0)
+        assert lane.excess(shaken).max() <= 0.0
+        assert lane.excess(shaken)[:, 1] == pytest.approx(lane.excess(still)[:, 1], abs=0.1)
+        assert lane.excess(state(lane, **STRAIGHT | {"heave_rate": 0.3}, forward_flow=1.5))[:, 1].min() > 1.0
+
+
+def test_scales_of_comparison_are_not_less_than_what_is_slight():
+    names = ("forward_flow", "heave_rate", "roll", "yaw_rate", "immersion")
+    scale = np.array([[0.4, 0.001, 0.001, 0.0001, 0.0002], [0.4, 0.3, 0.1, 2.0, 0.1]], np.float32)
+    wanted = [[0.4, 0.02, 0.005, 0.0001, 0.0002], scale[1]]
+    np.testing.assert_allclose(range_scale(names, scale), wanted, rtol=1e-6)
+    np.testing.assert_allclose(range_scale(names[2:], scale[:, 2:]), np.array(wanted)[:, 2:], rtol=1e-6)

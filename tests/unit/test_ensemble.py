@@ -17,7 +17,7 @@ from exumob.simulation.trust import trust_of
 from exumob.simulation.water_models import hydrodynamics_named
 from exumob.surrogates.ensemble import card_of, load_members, save_ensemble
 from exumob.surrogates.model import SurrogateHydrodynamics
-from exumob.surrogates.networks import Architecture, NetworkSet, network_file, write_arrays
+from exumob.surrogates.networks import VERSION, Architecture, NetworkSet, network_file, write_arrays
 from exumob.surrogates.vehicle_shape import card_parameters
 from exumob.water.conditions import Water
 from vehicle_models.amphibious import amphibious_vehicle
@@ -89,11 +89,6 @@ def test_a_card_holds_for_all_of_its_members_alone(file, change):
     assert card_of(change(load_members(file))) is None
 
 
-def test_a_card_of_before_there_were_several_soils_still_holds(file):
-    old = {name: value for name, value in CARD.items() if name != "soils"} | {"soil": "LETE sand"}
-    assert card_of([with_card(member, old) for member in load_members(file)]) == CARD
-
-
 def test_a_damaged_file_is_refused(file, tmp_path):
     data = bytearray(file.read_bytes())
     data[-3] ^= 0xFF
@@ -102,7 +97,7 @@ def test_a_damaged_file_is_refused(file, tmp_path):
         load_members(tmp_path / "bad.safetensors")
     with pytest.raises(ValueError, match=r"none\.safetensors"):
         load_members(tmp_path / "none.safetensors")
-    header = {"format": "exumob ensemble", "version": 1}
+    header = {"format": "exumob ensemble", "version": VERSION}
     for members, message in (([], "does not say what its members are"), ([{}], "architecture"), ([3], "does not say")):
         write_arrays(tmp_path / "x.safetensors", header | {"members": members}, {"0/W": np.zeros(3, np.float32)})
         with pytest.raises(ValueError, match=message):

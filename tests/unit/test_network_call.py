@@ -12,7 +12,7 @@ from exumob.support.errors import SimulationError
 from exumob.surrogates.inputs import INPUTS, SAMPLING, network_inputs, window_rows
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
 from exumob.surrogates.network_kernels import mean_and_spread
-from exumob.surrogates.networks import NetworkSet
+from exumob.surrogates.networks import NetworkSet, range_scale
 from exumob.vehicle.motion import BodyStates
 from exumob.water.conditions import Water
 from exumob.water.flow_states import FLOW_STATES, flow_states
@@ -98,9 +98,14 @@ def test_excess_is_as_defined():
         expected = []
         for one in sets:
             a = {name: values.astype(float) for name, values in one.arrays.items()}
-            width = np.maximum(one.arrays["input_high"] - one.arrays["input_low"], 1e-3 * one.arrays["input_scale"])
-            single = (np.maximum(a["input_low"] - inputs, inputs - a["input_high"]) / width).max(axis=1)
-            z = (inputs - a["input_mean"]) / a["input_scale"]
+            wider = range_scale(one.architecture.inputs, one.arrays["input_scale"])
+            slack = wider - one.arrays["input_scale"]
+            low, high = (
+                (one.arrays["input_low"] - slack).astype(float),
+                (one.arrays["input_high"] + slack).astype(float),
+            )
+            single = (np.maximum(low - inputs, inputs - high) / (high - low)).max(axis=1)
+            z = (inputs - a["input_mean"]) / wider
             distance = np.linalg.norm(z[:, None] - a["range_states"], axis=2).min(axis=1)
             expected.append(np.stack([single, distance / a["range_reach"] - 1.0], axis=1))
         np.testing.assert_allclose(together.excess(inputs), np.concatenate(expected), rtol=1e-12, atol=1e-12)
