@@ -26,7 +26,7 @@ from past import past, ratio
 from exumob.learning.presets import PRESETS
 from exumob.surrogates.inputs import network_inputs, window_rows
 from exumob.surrogates.model import SurrogateHydrodynamics
-from exumob.surrogates.networks import NetworkSet
+from exumob.surrogates.networks import RANGE_STATES, NetworkSet
 from exumob.surrogates.vehicle_shape import geometry
 from exumob.vehicle.motion import BodyStates
 from exumob.water.coefficients import CoefficientHydrodynamics
@@ -65,7 +65,7 @@ def made_up(preset: str) -> NetworkSet:
     arrays = {name: 0.05 * rng.standard_normal((5, *shape)) for name, shape in architecture.shapes().items()}
     arrays |= {name: np.zeros((5, k)) for name in ("input_mean", "input_low")}
     arrays |= {name: np.ones((5, k)) for name in ("input_scale", "input_high")}
-    arrays |= {"joint_inverse": np.tile(np.eye(k), (5, 1, 1)), "joint_limit": np.ones(5)}
+    arrays |= {"range_states": rng.standard_normal((5, RANGE_STATES, k)), "range_reach": np.ones(5)}
     arrays |= {"output_mean": np.zeros((5, 6)), "output_scale": np.ones((5, 6))}
     about = {"geometry": geometry(amphibious_vehicle())}
     return NetworkSet(architecture, {n: a.astype(np.float32) for n, a in arrays.items()}, about)

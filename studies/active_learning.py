@@ -45,7 +45,7 @@ from exumob.support.errors import SimulationError
 from exumob.support.figures import STYLE
 from exumob.support.files import atomic_write
 from exumob.surrogates.model import SurrogateHydrodynamics, shipped_networks
-from exumob.surrogates.networks import NetworkSet
+from exumob.surrogates.networks import VERSION, NetworkSet
 from exumob.surrogates.vehicle_shape import geometry
 from vehicle_models.amphibious import amphibious_vehicle
 
@@ -210,7 +210,7 @@ class Laboratory:
 
     def _file(self, chosen: Iterable[str], what: str) -> Path:
         marks = "".join("x" if name in chosen else "-" for name in GRID)
-        return self.work / f"{self.preset.name}_{marks}_{what}"
+        return self.work / f"{self.preset.name}_v{VERSION}_{marks}_{what}"
 
     def _kept(self, chosen: Iterable[str], what: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         file = self._file(chosen, f"{what}.json")

@@ -4,14 +4,15 @@ Beyond the range of nine lane changes, which taught the first of them (`data/cfd
 from the 22 runs of `data/full_range` that teach: drives over four soils and captive runs that `exumob learn` planned
 and made for the paper's vehicle, on cells of 22 mm. Here they are compared with the coefficients that they rest on and
 with the calibrated ones, on the five drives that were kept apart, and each seed by itself on the drives that it kept
-for validation. The same five drives and two straight ones across a current were made on cells of 18 mm as well, those
-of the runs from which the default networks learned (`data/full_range/fine`). Then they are asked how much of a map they
-know: straight ahead over all published soils, in several depths, currents and directions.
+for validation. On cells of 18 mm, those of the runs from which the default networks learned, there are two straight
+drives across a current, and of the five those that were made so far (`data/full_range/fine`; `--fine` makes all). Then
+networks are asked how much of a map they know: straight ahead over all published soils, in several depths, currents and
+directions.
 
 First: exumob train --preset balanced --data data/full_range/runs --output networks
-Run: python studies/full_range.py --networks networks [--map] [--jobs 2]     (five minutes, with --map twenty more;
-     without --networks those that come with exumob stay; runs on 18 mm that are missing are made anew, in a quarter to
-     half an hour of a core each)
+Run: python studies/full_range.py --networks networks [--map] [--fine] [--jobs 2]     (five minutes, with --map twenty
+     more, with --fine a quarter to half an hour of a core for each run that is missing; without --networks those that
+     come with exumob stay)
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ import numpy as np
 import xarray as xr
 from common import FULL_RANGE_RUNS, full_range_plan, save, study_parser
 from matplotlib.figure import Figure
+from scipy.spatial.transform import Rotation
 
 from exumob import Soil, simulate
 from exumob.driving.maneuver import ConstantSteer
@@ -129,26 +131,49 @@ def compared(tasks: Sequence[FreeTask], folder: Path = FULL_RANGE_RUNS / "runs")
         "their coefficients": CalibratedHydrodynamics(waves=networks.waves), "calibrated": CalibratedHydrodynamics(),
     }  # fmt: skip
     runs = load_runs(folder / f"{task.name}.nc" for task in tasks)
-    ends = [[_end(task, model, runs[task.name]) for task in tasks] for model in models.values()]
+    driven = [[_drive(task, model) for task in tasks] for model in models.values()]
+    ends = [[closed_loop(run, runs[task.name])["final"] for run, task in zip(of, tasks, strict=True)] for of in driven]
     along = {name: compare_loads(networks.networks, run, vehicle) for name, run in runs.items()}
     found = load_errors(along, vehicle)
     return xr.Dataset(
         {
             "final": (("model", "run"), ends, {"units": "%"}),
+            "at_end": (
+                ("model", "run", "what"),
+                [[_at_end(run) for run in of] for of in driven],
+                {"units": "m, m, deg"},
+            ),
+            "flow_at_end": (("run", "what"), [_at_end(runs[task.name]) for task in tasks], {"units": "m, m, deg"}),
             "load_error": ("loads", [float(found[n].mean()) for n in ("networks", "coefficients")], {"units": "1"}),
             "about": ("run", [_about(task, vehicle) for task in tasks]),
         },
-        {"model": list(MODELS), "run": [task.name for task in tasks], "loads": [FULL_RANGE, "their coefficients"]},
+        {
+            "model": list(MODELS),
+            "run": [task.name for task in tasks],
+            "loads": [FULL_RANGE, "their coefficients"],
+            "what": ["x", "y", "yaw"],
+        },
     )
+
+
+def _drive(task: FreeTask, model: Hydrodynamics) -> xr.Dataset:
+    return simulate(
+        amphibious_vehicle(), Soil.published(task.soil), task.water, task.maneuver, model, duration=task.duration,
+        record_step=10e-3,
+    )  # fmt: skip
 
 
 def _end(task: FreeTask, model: Hydrodynamics, reference: xr.Dataset) -> float:
     """Distance of the final positions over the length of the path [%]."""
-    run = simulate(
-        amphibious_vehicle(), Soil.published(task.soil), task.water, task.maneuver, model, duration=task.duration,
-        record_step=10e-3,
-    )  # fmt: skip
-    return float(closed_loop(run, reference)["final"])
+    return float(closed_loop(_drive(task, model), reference)["final"])
+
+
+def _at_end(run: xr.Dataset) -> list[float]:
+    """Way along world x and y [m], and heading [deg], at the end of a run that began at the origin along x."""
+    last = run.isel(time=-1).sel(body="hull")
+    x, y = (last["position"] - run["position"].isel(time=0).sel(body="hull")).values[:2]
+    heading = Rotation.from_quat(last["quaternion"].values, scalar_first=True).as_euler("ZYX", degrees=True)[0]
+    return [float(x), float(y), float(heading)]
 
 
 def held_back() -> xr.Dataset:
@@ -264,6 +289,18 @@ def end_rows(ends: xr.Dataset) -> list[str]:
     return [*rows, "", f"Load error on these drives: {', '.join(off)}"]
 
 
+def across_rows(fine: xr.Dataset) -> list[str]:
+    """Where drives straight across a current end, by the flow and by models: along, aside [m], yaw [deg]."""
+    across = fine.sel(run=[name for name in fine["run"].values if name.startswith("across")])
+    rows = [f"| {' | '.join(['drive', 'flow in the loop', *across['model'].values])} |"]
+    rows.append("|---" * (across.sizes["model"] + 2) + "|")
+    for name in across["run"].values:
+        of = across.sel(run=name)
+        ends = [of["flow_at_end"].values, *of["at_end"].values]
+        rows.append(f"| {name} | {' | '.join('{:.2f}, {:.2f}; {:.1f}'.format(*end) for end in ends)} |")
+    return rows
+
+
 def held_rows(held: xr.Dataset) -> list[str]:
     """The table of each seed on the drives that it kept for validation."""
     rows = [f"| drives that a seed kept for validation | {' | '.join(held['model'].values)} |"]
@@ -291,7 +328,7 @@ def map_lines(share: xr.Dataset) -> str:
 
 
 def main(
-    quick: bool = False, jobs: int = 2, networks: Path | None = None, ask_map: bool = False
+    quick: bool = False, jobs: int = 2, networks: Path | None = None, ask_map: bool = False, make_all: bool = False
 ) -> xr.Dataset:  # fmt: skip
     """Compare; return where drives end. With `quick` the first drive and a few waters of the map; writes nothing."""
     if quick:
@@ -299,14 +336,17 @@ def main(
         return compared(judges()[:1])
     if networks is not None:
         ship(networks)
-    with ProcessPoolExecutor(jobs) as pool:
-        list(pool.map(make_fine, fine_tasks()))
-    ends, held, fine = compared(judges()), held_back(), compared(fine_tasks(), FINE_RUNS)
+    if make_all:
+        with ProcessPoolExecutor(jobs) as pool:
+            list(pool.map(make_fine, fine_tasks()))
+    there = [task for task in fine_tasks() if (FINE_RUNS / f"{task.name}.nc").exists()]
+    ends, held, fine = compared(judges()), held_back(), compared(there, FINE_RUNS)
     save({
         "full_range.png": plot(ends, held), "full_range.nc": ends, "full_range_held_back.nc": held,
         "full_range_fine.nc": fine,
     })  # fmt: skip
-    print("\n".join([*end_rows(ends), "", *held_rows(held), "", f"on cells of {1e3 * FINE:g} mm", *end_rows(fine)]))
+    on_fine = [f"on cells of {1e3 * FINE:g} mm", *end_rows(fine), "", *across_rows(fine)]
+    print("\n".join([*end_rows(ends), "", *held_rows(held), "", *on_fine]))
     if ask_map:
         save({"full_range_known.nc": (share := known(jobs, quick))})
         print(map_lines(share))
@@ -317,5 +357,8 @@ if __name__ == "__main__":
     parser = study_parser(__doc__)
     parser.add_argument("--networks", type=Path, help="folder of `exumob train` with the networks to come with exumob")
     parser.add_argument("--map", action="store_true", dest="ask_map", help="ask how much of a map the networks know")
+    parser.add_argument(
+        "--fine", action="store_true", dest="make_all", help="make the drives on 18 mm that are missing"
+    )
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     main(**vars(parser.parse_args()))

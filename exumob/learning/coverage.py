@@ -56,7 +56,7 @@ def reach(states: Array, runs: NDArray[np.intp], chosen: NDArray[np.intp]) -> fl
     Returns
     -------
     float
-        Of a single run, the distance within which all its states lie from the chosen ones. Never 0.
+        If the chosen ones are all of one run, the distance within which all states lie from them. Never 0.
     """
     several = len(np.unique(runs[chosen])) > 1
     found = []

@@ -155,8 +155,9 @@ def scalers(found: Examples, runs: Sequence[int], inputs: Sequence[str]) -> dict
     y = np.concatenate([found.loads[r][rows] for r, rows in chosen]).astype(float)
     scale = x.std(axis=0)
     scale = np.where(scale > 1e-6, scale, 1.0)
+    compared = range_scale(inputs, np.asarray(scale, np.float32), x.max(axis=0) > x.min(axis=0))[0]
     some = found.choose(runs, 0, RANGE_INTERVAL)
-    scaled = (np.concatenate([found.inputs[r][rows] for r, rows in some]) - x.mean(axis=0)) / range_scale(inputs, scale)
+    scaled = (np.concatenate([found.inputs[r][rows] for r, rows in some]) - x.mean(axis=0)) / compared
     of = np.concatenate([np.full(len(rows), r % found.count) for r, rows in some])
     states = covering(scaled, RANGE_STATES)
     return {

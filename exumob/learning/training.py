@@ -31,7 +31,7 @@ from exumob.support.files import atomic_write, require_folder_name, require_writ
 from exumob.support.processes import end_with_parent, stopping
 from exumob.support.provenance import parameters_json, provenance
 from exumob.support.quantities import Quantity
-from exumob.surrogates.networks import NetworkSet, Single, read_arrays, write_arrays
+from exumob.surrogates.networks import VERSION, NetworkSet, Single, read_arrays, write_arrays
 from exumob.surrogates.vehicle_shape import geometry
 from exumob.vehicle.motion import BODIES, BodyStates
 from exumob.vehicle.parameters import Vehicle
@@ -235,9 +235,9 @@ def _stacked(arrays: Sequence[Single]) -> Single:
 
 
 def _part(parts: Path, preset: Preset, seed: int, body: str, data: str, waves: WaveCoefficients | None) -> Path:
-    """File of one network; its name holds a digest of the preset, the data and the base that it was made from."""
+    """File of one network; its name holds a digest of the preset, the data, the base and the version of the file."""
     base = [waves.digest()] if waves is not None and preset.architecture.base == "coefficients" else []
-    made = hashlib.sha256(json.dumps([asdict(preset), data, *base]).encode()).hexdigest()[:12]
+    made = hashlib.sha256(json.dumps([asdict(preset), data, *base, VERSION]).encode()).hexdigest()[:12]
     return parts / f"{preset.name}_seed{seed}_{body}_{made}.safetensors"
 
 

@@ -324,8 +324,8 @@ def plot_run(dataset: xr.Dataset) -> Figure:
         else:
             for line in plot_water_force(grid["water"], dataset, lw=1.0):
                 line.set_label(f"hull {line.get_label()}")
-            plot_water_on_wheels(grid["water"], dataset)
-            grid["water"].set(ylabel="force of the water [N]", title="Water on hull and wheels, axes of the hull")
+            of = "hull and wheels" if plot_water_on_wheels(grid["water"], dataset) else "the hull"
+            grid["water"].set(ylabel="force of the water [N]", title=f"Water on {of}, axes of the hull")
         grid["power"].plot(dataset["time"], dataset["spin_power"].sum("wheel"), color="C3", label="all wheels")
         grid["power"].set(xlabel="time [s]", ylabel="driving power [W]", title="Power")
         columns_of_yaw = 2 if "member_yaw" in dataset else 3

@@ -215,7 +215,7 @@ class Quantity:
         return number
 
     def likely_unit(self, number: float) -> str:
-        """Ask for the units, three at most, in which a number out of range would be within it."""
+        """Ask for the units, three at most, in which a number out of range would be within it, or return nothing."""
         low, high = self.plausible or (max(self.above, self.at_least), min(self.below, self.at_most))
         found = []
         for unit, size in OTHER_UNITS.get(self.unit, ()):

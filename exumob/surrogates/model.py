@@ -338,7 +338,7 @@ class SurrogateHydrodynamics:
             ),
             "range_excess": xr.DataArray(
                 loads.excess, coords | {"range_kind": ["single", "joint"]}, ("macro_time", "body", "range_kind"),
-                attrs={"units": "1", "long_name": "distance outside the training range, over its width"},
+                attrs={"units": "1", "long_name": "distance outside the training range, over its width or its reach"},
             ),
             "out_of_range": xr.DataArray(
                 loads.outside, coords, ("macro_time", "body"),

@@ -94,6 +94,8 @@ def measure_excess(inputs: Array, trained: TrainingRange, scaling: InputScaling,
             square = 0.0
             for i in range(x.size):
                 square += (z[i] - states[n, i]) ** 2
+                if square > nearest:
+                    break
             nearest = np.minimum(nearest, square)  # nan stays nan
         excess[net, 0] = single
         excess[net, 1] = math.sqrt(nearest) / trained.reach[net] - 1.0

@@ -333,13 +333,13 @@ class NetworkSet:
         low, high, scale, states, reach = (
             self.arrays[name] for name in ("input_low", "input_high", "input_scale", "range_states", "range_reach")
         )
-        wider = range_scale(self.architecture.inputs, scale)
-        low, high = low - (wider - scale), high + (wider - scale)
-        return TrainingRange(low, high, np.maximum(high - low, 1e-3 * scale), wider, states, reach)
+        compared, wider = range_scale(self.architecture.inputs, scale, high > low)
+        low, high = low - wider, high + wider
+        return TrainingRange(low, high, np.maximum(high - low, 1e-3 * scale), compared, states, reach)
 
 
-def range_scale(inputs: Sequence[str], scale: Single) -> Single:
-    """Return the scales of inputs by which states are compared, shape (..., k): not less than slight differences.
+def range_scale(inputs: Sequence[str], scale: Single, varied: NDArray[np.bool_]) -> tuple[Single, Single]:
+    """Return the scales by which states are compared: not less than slight differences.
 
     A wheel in a lane change goes up and down by 1 mm/s, and by 7 mm/s it would be far out of that range; beside a flow
     of 1 m/s neither is felt.
@@ -347,20 +347,28 @@ def range_scale(inputs: Sequence[str], scale: Single) -> Single:
     Parameters
     ----------
     inputs : sequence of str
-        Their k names.
+        The names of k inputs.
     scale : array, shape (..., k)
-        Their deviations in training.
+        Their scales in training: deviations, or 1 of those that were always the same.
+    varied : array of bool, shape (..., k)
+        Whether they were not.
+
+    Returns
+    -------
+    array, shape (..., k)
+        The scales for the comparison.
+    array, shape (..., k)
+        By how much the range of each input is wider than in training, on either side; 0 but of velocities and angles.
     """
     units = np.array([INPUTS[name].unit for name in inputs])
-    found = np.array(scale, np.float32)
-    moving = units == "m/s"
+    deviation = np.where(varied, scale, np.float32(0.0))
+    moving, turned = units == "m/s", (units == "rad") | (units == "1")
+    least = np.zeros_like(deviation)
     if moving.any():
-        found[..., moving] = np.maximum(
-            found[..., moving], SLIGHT_VELOCITY * found[..., moving].max(axis=-1, keepdims=True)
-        )
-    turned = (units == "rad") | (units == "1")
-    found[..., turned] = np.maximum(found[..., turned], np.float32(SLIGHT_ANGLE))
-    return found
+        least[..., moving] = SLIGHT_VELOCITY * deviation[..., moving].max(axis=-1, keepdims=True)
+    least[..., turned] = SLIGHT_ANGLE
+    wider = np.maximum(least - deviation, np.float32(0.0))
+    return np.where(wider > 0.0, least, scale), wider
 
 
 def check_version(header: Mapping[str, Any], path: Path) -> None:

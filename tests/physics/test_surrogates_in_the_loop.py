@@ -111,6 +111,7 @@ def test_beyond_lane_changes_networks_of_the_whole_range_take_over(vehicle, sand
         assert not run["hydrodynamics_out_of_range"].any() and run["hydrodynamics_load_error_bar"].notnull().all()
     near = simulate(vehicle, sand, Water(0.62 * vehicle.wheel.diameter, 0.9), None, duration=0.3, **STEPS)
     between = near["hydrodynamics_wide_range_share"].values
+    assert (between == between[:, :1]).all()  # of all bodies at once
     assert ((between > 0.0) & (between < 1.0)).any() and not near["hydrodynamics_out_of_range"].any()
 
 

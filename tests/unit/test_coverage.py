@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from exumob.learning import training
 from exumob.learning.coverage import covering, reach
+from exumob.learning.presets import PRESETS
 from exumob.surrogates.ensemble import load_members
 from exumob.surrogates.model import HANDOVER, shipped_networks
 from exumob.surrogates.networks import FULL_RANGE, RANGE_STATES, NetworkSet, range_scale
@@ -77,6 +79,24 @@ def test_slight_differences_do_not_leave_the_range():
 def test_scales_of_comparison_are_not_less_than_what_is_slight():
     names = ("forward_flow", "heave_rate", "roll", "yaw_rate", "immersion")
     scale = np.array([[0.4, 0.001, 0.001, 0.0001, 0.0002], [0.4, 0.3, 0.1, 2.0, 0.1]], np.float32)
-    wanted = [[0.4, 0.02, 0.005, 0.0001, 0.0002], scale[1]]
-    np.testing.assert_allclose(range_scale(names, scale), wanted, rtol=1e-6)
-    np.testing.assert_allclose(range_scale(names[2:], scale[:, 2:]), np.array(wanted)[:, 2:], rtol=1e-6)
+    compared, wider = range_scale(names, scale, np.ones_like(scale, bool))
+    np.testing.assert_allclose(compared, [[0.4, 0.02, 0.005, 0.0001, 0.0002], scale[1]], rtol=1e-6)
+    np.testing.assert_allclose(wider, [[0.0, 0.019, 0.004, 0.0, 0.0], [0.0] * 5], atol=1e-8)
+
+
+def test_what_never_changed_in_training_may_change_by_what_is_slight():
+    """Its scale is 1 for want of a deviation, which is no velocity beside which another one is slight."""
+    names = ("forward_flow", "current_speed", "heave_rate", "roll", "immersion")
+    scale = np.array([0.4, 1.0, 0.001, 1.0, 1.0], np.float32)
+    compared, wider = range_scale(names, scale, np.array([True, False, True, False, False]))
+    np.testing.assert_allclose(compared, [0.4, 0.02, 0.02, 0.005, 1.0], rtol=1e-6)
+    np.testing.assert_allclose(wider, [0.0, 0.02, 0.019, 0.005, 0.0], atol=1e-8)
+
+
+def test_networks_of_another_version_of_the_file_are_trained_again(tmp_path, monkeypatch):
+    """A folder of before holds parts without what the files of today need."""
+    wanted = tmp_path, PRESETS["memory"], 0, "hull", "data", None
+    today = training._part(*wanted)
+    assert training._part(*wanted) == today
+    monkeypatch.setattr(training, "VERSION", training.VERSION - 1)
+    assert training._part(*wanted) != today

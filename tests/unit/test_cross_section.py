@@ -49,12 +49,12 @@ def test_levels_that_are_no_ford(level, text):
         CrossSection(STATION, [1.3, *BED[1:]]).water(1.25)
 
 
-def test_a_level_that_leaves_fifty_metres_of_water_is_asked_about():
-    """As a depth of 51 m is: a section in millimetres, or two data."""
+def test_a_level_that_leaves_twenty_metres_of_water_is_asked_about():
+    """As a depth of 21 m is: a section in millimetres, or two data."""
     section = CrossSection([0.0, 5000.0, 10000.0], [100.0, 0.0, 100.0])
     with pytest.raises(ImplausibleValue, match=r"level = 60 m lies 60 m above the lowest point of the bed .* in mm"):
         section.check_level(60.0)
-    section.check_level(40.0)
+    section.check_level(15.0)
 
 
 def test_terrain_is_the_section_moved_and_turned():

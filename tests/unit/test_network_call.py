@@ -98,14 +98,14 @@ def test_excess_is_as_defined():
         expected = []
         for one in sets:
             a = {name: values.astype(float) for name, values in one.arrays.items()}
-            wider = range_scale(one.architecture.inputs, one.arrays["input_scale"])
-            slack = wider - one.arrays["input_scale"]
+            varied = one.arrays["input_high"] > one.arrays["input_low"]
+            compared, slack = range_scale(one.architecture.inputs, one.arrays["input_scale"], varied)
             low, high = (
                 (one.arrays["input_low"] - slack).astype(float),
                 (one.arrays["input_high"] + slack).astype(float),
             )
             single = (np.maximum(low - inputs, inputs - high) / (high - low)).max(axis=1)
-            z = (inputs - a["input_mean"]) / wider
+            z = (inputs - a["input_mean"]) / compared
             distance = np.linalg.norm(z[:, None] - a["range_states"], axis=2).min(axis=1)
             expected.append(np.stack([single, distance / a["range_reach"] - 1.0], axis=1))
         np.testing.assert_allclose(together.excess(inputs), np.concatenate(expected), rtol=1e-6, atol=1e-6)
