@@ -28,6 +28,10 @@ KNOWN_MISSES = {
         **{f"arrival t sqrt(g/H), {p}, h = 25 mm": (0.13, SLOW_FRONT) for p in P3},
         **{f"impulse, {p}, h = 25 mm": (0.35, SLOW_FRONT) for p in P3},
     },
+    "spheric-2-finest": {
+        **{f"arrival t sqrt(g/H), {p}, h = 17.5 mm": (0.1, SLOW_FRONT) for p in P3},
+        **{f"impulse, {p}, h = 17.5 mm": (0.25, SLOW_FRONT) for p in P3},
+    },
     "round-column": {
         "drag coefficient, round, U 0.3 m/s (Fr 0.30)": (0.53, SMOOTH),
         "drag coefficient, round, U 0.5 m/s (Fr 0.50)": (0.4, SMOOTH),

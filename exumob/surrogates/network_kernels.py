@@ -39,7 +39,7 @@ class TrainingRange(NamedTuple):
     scale: Single
     """By which states are compared; each of shape (networks, k)"""
     states: Single
-    """Inputs of instants in training, less their mean and over that scale, shape (networks, n, k)"""
+    """Inputs of instants in training, less their mean and over that scale, shape (networks, k, n)"""
     reach: Single
     """Distance from them at which the range ends, shape (networks,)"""
 
@@ -81,7 +81,7 @@ def measure_excess(inputs: Array, trained: TrainingRange, scaling: InputScaling,
     excess : array, shape (networks, 2), changed
         Of the worst single input, and of all jointly. Where an input is not a number, neither is.
     """
-    z = np.empty(inputs.shape[1])
+    z, squares = np.empty(inputs.shape[1]), np.empty(trained.states.shape[2])
     for net in range(len(excess)):
         x = inputs[net % len(inputs)]
         low, high, width, states = trained.low[net], trained.high[net], trained.width[net], trained.states[net]
@@ -89,14 +89,13 @@ def measure_excess(inputs: Array, trained: TrainingRange, scaling: InputScaling,
         for i in range(x.size):
             single = np.maximum(single, np.maximum(low[i] - x[i], x[i] - high[i]) / width[i])
             z[i] = (x[i] - scaling.mean[net, i]) / trained.scale[net, i]
+        squares[:] = 0.0
+        for i in range(x.size):
+            for n in range(squares.size):
+                squares[n] += (z[i] - states[i, n]) ** 2
         nearest = np.inf
-        for n in range(len(states)):
-            square = 0.0
-            for i in range(x.size):
-                square += (z[i] - states[n, i]) ** 2
-                if square > nearest:
-                    break
-            nearest = np.minimum(nearest, square)  # nan stays nan
+        for n in range(squares.size):
+            nearest = np.minimum(nearest, squares[n])  # nan stays nan
         excess[net, 0] = single
         excess[net, 1] = math.sqrt(nearest) / trained.reach[net] - 1.0
 

@@ -335,6 +335,7 @@ class NetworkSet:
         )
         compared, wider = range_scale(self.architecture.inputs, scale, high > low)
         low, high = low - wider, high + wider
+        states = np.ascontiguousarray(states.mT)  # one input of all states after the other, as the kernel reads them
         return TrainingRange(low, high, np.maximum(high - low, 1e-3 * scale), compared, states, reach)
 
 

@@ -254,5 +254,6 @@ CASES: tuple[Case, ...] = (
         1.0,
         slow=True,
     ),
-    Case("spheric-2-fine", "The same with 25 mm cells", lambda: check_spheric2(0.025), 4.0, slow=True),
+    Case("spheric-2-fine", "The same with 25 mm cells", lambda: check_spheric2(0.025), 2.0, slow=True),
+    Case("spheric-2-finest", "The same with 17.5 mm cells", lambda: check_spheric2(0.0175), 4.0, slow=True),
 )
