@@ -235,6 +235,7 @@ def check_column(shape: str, cells: Cells = 6.0, duration: Duration = 30.0) -> l
     return checks
 
 
+@checked
 def check_sections(duration: Duration = 60.0) -> list[Check]:
     """Mean drag of sharp sections other than the square within 15 %; their Strouhal numbers."""
     checks = []
