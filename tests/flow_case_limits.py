@@ -10,7 +10,7 @@ SMOOTH = "where a smooth wall sheds its boundary layer is not resolved: the wall
 SLOW_FRONT = "the front is a few per cent late and improves with the grid; pressure is read half a cell off the face"
 EDGES = "an edge that passes through the grid opens and closes its cells"
 P3 = "P3 at 101 mm", "P3 at 99 mm"
-AMID_CELLS = "its front and back lie amid cells, those of the other sections on faces"
+AMID_CELLS = "its front and back lie amid cells, those of the square and the rectangle 2:1 on faces"
 KNOWN_MISSES = {
     "breaking-tank": {
         f"momentum gap, breaking water, h = {h} mm": (bound, "pressure of impacts is known half a cell from the wall")

@@ -117,7 +117,14 @@ def column(shape: str, speed: float, cells: Cells = 6.0, duration: Duration = 30
         Cells to the column's width [-].
     duration : float
         End of the run, t U / D [-].
+
+    Raises
+    ------
+    ValueError
+        If the shape is not known.
     """
+    if shape != "round" and shape not in SECTIONS:
+        raise ValueError(f"column.shape = {shape!r} is not known; use round, {', '.join(SECTIONS)}.")
     size = WIDTH / cells
     grid = Grid.stretched(
         (-2.0 * WIDTH, -2.0 * WIDTH, 0.0), (5.0 * WIDTH, 2.0 * WIDTH, 0.32), (-0.7, -0.7, 0.0), (1.3, 0.7, 0.32), size,

@@ -71,6 +71,11 @@ def test_every_condition_is_a_failure_and_old_maps_keep_their_numbers():
 def test_drift_is_over_the_width_and_range_over_the_window():
     assert judge_crossing(run_at(forward=0.8, lateral=0.02), Limits())["drift"] == pytest.approx(0.3)
     assert judge_crossing(run_at(outside=True), Limits())["out_of_range"] == 1.0
+    found = run_at()
+    wide = np.where(found["macro_time"] >= 4.0 - Limits().window - 1e-9, 0.25, 1.0)
+    shared = found.assign(hydrodynamics_wide_range_share=found["hydrodynamics_out_of_range"] + wide[:, None])
+    assert judge_crossing(found, Limits())["wide_range"] == 0.0
+    assert judge_crossing(shared, Limits())["wide_range"] == pytest.approx(0.25)
     with pytest.raises(ValueError, match=r"longer than Limits\.window"):
         judge_crossing(run_at(), Limits(window=5.0))
 
