@@ -192,6 +192,7 @@ OPTION_NAMES = {
     "BuiltInFlow.cell_size": "--cell-size",
     "captive_run.cell_size": "--cell-size",
     "Grid.stretched.cell_size": "--cell-size",
+    "Grid.around_vehicle.cell_size": "--cell-size",
     "VtkSeries.folder": "--vtk",
     "keep fewer instants": "give a shorter --duration",
     "cell_size": "--cell-size",

@@ -38,6 +38,8 @@ CORE_TOP = 1.2
 """Height up to which cells round a vehicle are cubes, over the tyre's diameter [-]."""
 GROWTH = Quantity("1", at_least=1.0, at_most=1.1, remedy="strong stretching slows the pressure solver.")
 """Ratio of neighbouring widths"""
+Span = tuple[float, float, float, float]
+"""Low end of a window, low and high end of its core, and high end, along an axis [m]"""
 BYTES_PER_CELL = 515.0
 """Memory of the solver, all fields and levels together [bytes] (`benchmarks/flow_scaling.py`)."""
 
@@ -181,6 +183,7 @@ class Grid:
         growth: Annotated[float, GROWTH] = 1.035,
         bottom: Annotated[float, LENGTH] = 0.0,
         core_top: Annotated[float, LENGTH] | None = None,
+        hull_on_faces: bool = False,
     ) -> Grid:
         """Window round a vehicle's hull: cubic cells where its bodies are, growing outwards.
 
@@ -199,6 +202,10 @@ class Grid:
             Lowest face [m]: the bed, or the lowest bed on the window's way if that is given.
         core_top : float, optional
             Height up to which cells are cubes [m]; default 1.2 diameters of the tyre.
+        hull_on_faces : bool
+            Whether bow, stern and sides of the hull lie on faces, for which cells along x and y are a little longer or
+            shorter than `cell_size`. An edge that passes through a cell is rounded off by half of it (`exumob verify
+            sharp-columns`): without this, loads depend on where the hull happens to lie in its cells.
         """
         hull, wheel = vehicle.hull, vehicle.wheel
         low, high = (end - vehicle.hull_origin for end in hull.extent)
@@ -215,10 +222,16 @@ class Grid:
             raise ValueError(f"Grid.around_vehicle: top = {top:g} m must lie above bottom = {bottom:g} m; raise it.")
         core_top = CORE_TOP * wheel.diameter if core_top is None else core_top
         core_top = min(max(core_top, bottom + 4.0 * cell_size), top)
-        return cls.stretched(
-            (rear, -side, bottom), (front, side, core_top), (-behind, -aside, bottom), (ahead, aside, top), cell_size,
-            growth,
-        )  # fmt: skip
+        spans = [(-behind, rear, front, ahead), (-aside, -side, side, aside), (bottom, bottom, core_top, top)]
+        widths = [cell_size, cell_size, cell_size]
+        _require_countable(
+            "Grid.around_vehicle", cell_size, lambda size: [_graded_count(*span, size, growth) for span in spans]
+        )
+        if hull_on_faces:
+            for axis in range(2):
+                ends = float(low[axis]), float(high[axis])
+                spans[axis], widths[axis] = _fitted_span(spans[axis], ends, cell_size)
+        return cls(*(graded_faces(*span, width, growth) for span, width in zip(spans, widths, strict=True)))
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -328,6 +341,27 @@ def _require_countable(owner: str, cell_size: float, counts: Callable[[float], l
             f"{spelled_size(BYTES_PER_CELL * math.prod(along))} of memory, and this machine has "
             f"{spelled_size(memory_limit())}; cells of {size:g} m would fit."
         )
+
+
+def _fitted_span(span: Span, body: tuple[float, float], size: float) -> tuple[Span, float]:
+    """Widen the core of a span so that the ends of a body in it lie on faces; return it with the width that does so.
+
+    Parameters
+    ----------
+    span : Span
+        Low end, core's low and high end, high end [m].
+    body : two floats
+        Ends of the body, within the core [m].
+    size : float
+        Width of the cells that is wanted [m].
+    """
+    count = round((body[1] - body[0]) / size)
+    if count < 1:  # the body is lost in a cell
+        return span, size
+    width = (body[1] - body[0]) / count
+    core_low = body[0] - math.ceil((body[0] - span[1]) / width - 1e-9) * width
+    core_high = body[1] + math.ceil((span[2] - body[1]) / width - 1e-9) * width
+    return (min(span[0], core_low), core_low, core_high, max(span[3], core_high)), width
 
 
 def _graded_count(low: float, core_low: float, core_high: float, high: float, size: float, growth: float) -> float:

@@ -40,6 +40,7 @@ def vehicle_window(
     water: Water,
     terrain: Terrain | None = None,
     frames: Annotated[Array | None, Quantity("m, m, rad", shape=("places", 3))] = None,
+    hull_on_faces: bool = False,
 ) -> Grid:
     """Return the default grid round a vehicle, for captive runs and for the flow in the loop.
 
@@ -56,6 +57,8 @@ def vehicle_window(
         The bed. The window begins at a flat bed, and a cell below the lowest point on its way of any other.
     frames : array, shape (n, 3), optional
         Places on that way: x, y [m] and heading [rad] of the hull. Default: the world's origin.
+    hull_on_faces : bool
+        Whether bow, stern and sides of the hull lie on faces (`Grid.around_vehicle`).
 
     Raises
     ------
@@ -74,7 +77,7 @@ def vehicle_window(
         bottom = lowest_bed(terrain, frames, *corners, spacing=0.1) - cell_size
     grid = Grid.around_vehicle(
         vehicle, cell_size, ahead=ahead, behind=behind, aside=aside, top=max(TOP * scale, 3.5 * water.uniform_depth),
-        bottom=bottom,
+        bottom=bottom, hull_on_faces=hull_on_faces,
     )  # fmt: skip
     require_room(f"{vehicle.name}: cell_size = {cell_size:g} m", grid)
     return grid

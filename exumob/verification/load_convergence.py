@@ -13,13 +13,15 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from exumob.flow.vehicle_window import vehicle_window
 from exumob.support.declared import checked
 from exumob.vehicle.motion import BODIES
 from exumob.verification.check import Case, Check, reported
 from exumob.verification.options import CellSize, Duration, Interval, Threads
-from exumob.verification.runs import loads_after
+from exumob.verification.runs import DEPTH, loads_after, paper_vehicle
 from exumob.verification.uncertainty import GridConvergence, deviation_uncertainty, grid_convergence, mean_uncertainty
 from exumob.verification.worst_case import LOADS, worst_run
+from exumob.water.conditions import Water
 
 RATIOS = (0.028 / 0.018, 0.0224 / 0.018, 1.0)
 """Cell sizes of the three grids over that of the finest [-]."""
@@ -28,11 +30,13 @@ RATIOS = (0.028 / 0.018, 0.0224 / 0.018, 1.0)
 @checked
 def load_convergence(
     cell_size: CellSize = 0.018, duration: Duration = 8.0, interval: Interval = 1.0e-3, threads: Threads = 1,
-    allow_coarse: bool = True, ratios: Sequence[float] = RATIOS,
+    allow_coarse: bool = True, ratios: Sequence[float] = RATIOS, hull_on_faces: bool = True,
 ) -> xr.Dataset:  # fmt: skip
     """Mean and deviation of the worst case's loads on three grids, with their uncertainties (dims load, cell_size).
 
-    Cell sizes are `cell_size`, that of the finest grid, times `ratios`.
+    Cell sizes are `cell_size`, that of the finest grid, times `ratios`. The hull's bow, stern and sides lie on faces of
+    every grid (`vehicle_window`), or, without `hull_on_faces`, wherever they happen to: then the loads go up and down
+    from grid to grid with the place of the transom in its cell.
 
     The mean's index of grid convergence is to be read together with the statistical error: differences between grids
     that are not larger than it say nothing of an order.
@@ -40,7 +44,8 @@ def load_convergence(
     rows: dict[str, list[list[float]]] = {"mean": [], "mean_error": [], "deviation": [], "deviation_error": []}
     cell_sizes = [round(cell_size * ratio, 7) for ratio in ratios]
     for cell in cell_sizes:
-        run = worst_run(cell, duration, interval, threads, allow_coarse)
+        grid = vehicle_window(paper_vehicle(), cell, Water(DEPTH), hull_on_faces=hull_on_faces)
+        run = worst_run(cell, duration, interval, threads, allow_coarse, grid=grid)
         series = [loads_after(run, 0.25 * duration)[:, BODIES.index(b), c] for b, c, _ in LOADS]
         means, deviations = [mean_uncertainty(s) for s in series], [deviation_uncertainty(s) for s in series]
         rows["mean"].append([m.mean for m in means])
@@ -63,10 +68,10 @@ def load_convergence(
 @checked
 def check_load_convergence(
     cell_size: CellSize = 0.018, duration: Duration = 8.0, interval: Interval = 1.0e-3, threads: Threads = 1,
-    allow_coarse: bool = True, ratios: Sequence[float] = RATIOS,
+    allow_coarse: bool = True, ratios: Sequence[float] = RATIOS, hull_on_faces: bool = True,
 ) -> list[Check]:  # fmt: skip
     """Report order, extrapolation, index and statistical error of each load."""
-    found = load_convergence(cell_size, duration, interval, threads, allow_coarse, ratios)
+    found = load_convergence(cell_size, duration, interval, threads, allow_coarse, ratios, hull_on_faces)
     finest = found["cell_size"].values.argmin()
     checks = []
     for load in found["load"].values:
