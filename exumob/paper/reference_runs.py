@@ -66,11 +66,13 @@ class FlowRun:
     hold: float | None = None
     """Time at rest during the spin-up [s], None as usual: runs that differ in it alone are repetitions, with the flow
     in another phase at the release"""
+    hull_on_faces: bool = False
+    """Bow, stern and sides of the hull lie on faces of the grid, in the window that is not doubled"""
 
     @property
     def name(self) -> str:
         """Name of the run as part of a file's name: the scenario, and settings other than the default."""
-        window = "_doubled" if self.doubled else ""
+        window = "_doubled" if self.doubled else ("_on_faces" if self.hull_on_faces else "")
         step = "_following" if isinstance(self.macro_step, FollowFlow) else f"_{1e3 * self.macro_step:g}ms"
         step = "" if self.macro_step == MACRO_STEP else step
         hold = f"_hold{self.hold:g}s" if self.hold is not None else ""
@@ -113,7 +115,10 @@ class FlowRun:
                 )
 
         water = self.scenario.water(vehicle)
-        grid = (doubled_window if self.doubled else vehicle_window)(vehicle, self.cell_size, water)
+        if self.doubled:
+            grid = doubled_window(vehicle, self.cell_size, water)
+        else:
+            grid = vehicle_window(vehicle, self.cell_size, water, hull_on_faces=self.hull_on_faces)
         flow = BuiltInFlow(
             self.cell_size, grid=grid, settings=FlowSettings(threads=1), allow_coarse=True, snapshots=SNAPSHOT_INTERVAL
         )  # fmt: skip
