@@ -1,9 +1,9 @@
 """What does water do to a lane change, with the flow in the loop? (paper, Sec. 4, Figs. 5 to 9)
 
 No water is compared with D60/U0, D60/U1, D40/U0 and D40/U1, and each of the paper's observations with these runs. The
-uncertainty of D60/U1 is seen on coarser and finer cells, in a window twice as wide, with the hull on faces of the grid, mirrored, with macro steps
-of 1 ms, and beside the coefficient model. Runs of the data set are read; the others are computed as in
-`generate_training_data.py`.
+uncertainty of D60/U1 is seen on coarser and finer cells, in a window twice as wide, with the hull on faces of the grid,
+mirrored, with macro steps of 1 ms, and beside the coefficient model. Runs of the data set are read; the others are
+computed as in `generate_training_data.py`.
 
 Run: python studies/cfd_lane_change.py --present               (a minute, with the runs that there are)
      python studies/cfd_lane_change.py [--jobs 2]              (half an hour and more for each run that is missing)
