@@ -36,7 +36,7 @@ def load_convergence(
 
     Cell sizes are `cell_size`, that of the finest grid, times `ratios`. The hull's bow, stern and sides lie on faces of
     every grid (`vehicle_window`), or, without `hull_on_faces`, wherever they happen to: then the loads go up and down
-    from grid to grid with the place of the transom in its cell.
+    from grid to grid.
 
     The mean's index of grid convergence is to be read together with the statistical error: differences between grids
     that are not larger than it say nothing of an order.
