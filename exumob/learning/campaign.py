@@ -154,6 +154,10 @@ class LearningFolder:
         """Return the tasks whose runs are not there yet."""
         return [task for task in tasks if not (self.runs / f"{task.name}.nc").exists()]
 
+    def is_begun(self, task: Task) -> bool:
+        """Whether the run of a task has left a checkpoint, from which it goes on."""
+        return (self.work / f"{task.name}.npz").exists()
+
     def load(self, mixed: bool = False, vehicle: Vehicle | None = None) -> dict[str, xr.Dataset]:
         """Load all runs by name, with those that others have put there.
 

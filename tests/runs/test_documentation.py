@@ -167,3 +167,11 @@ def test_parameter_variation():
     assert light == pytest.approx([0.740, 0.647, 0.506], abs=0.005)  # m/s at currents of 0, 0.5 and 1 m/s
     assert all(b > a for a, b in zip(light, heavy, strict=True))
     assert 4.5 < best["wheel_speed"] < 5.7 and error < 0.02  # [rad/s], [m/s]
+
+
+def test_version_is_the_same_everywhere():
+    """Of the package, of what is cited, and of the changelog's latest release."""
+    released = re.search(r"^## \[(\d[^\]]*)\] - (\S+)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    cited = (ROOT / "CITATION.cff").read_text()
+    assert released is not None and released[1] == PROJECT["version"]
+    assert f"\nversion: {released[1]}\ndate-released: {released[2]}\n" in cited

@@ -228,6 +228,15 @@ def test_a_folder_belongs_to_one_vehicle_and_one_size_of_cells(tmp_path):
         folder.claim(CAR, 0.04)
 
 
+def test_a_folder_knows_what_is_finished_and_what_has_begun(tmp_path):
+    folder = LearningFolder(tmp_path)
+    finished, begun, waiting = make_plan(CAR, WANTED, 0.4, 0.045, ENVELOPE).tasks[:3]
+    (folder.runs / f"{finished.name}.nc").touch()
+    (folder.work / f"{begun.name}.npz").touch()
+    assert folder.unfinished([finished, begun, waiting]) == [begun, waiting]
+    assert [folder.is_begun(task) for task in (finished, begun, waiting)] == [False, True, False]
+
+
 def test_a_plan_looks_whose_the_folder_is(tmp_path):
     folder = LearningFolder(tmp_path)
     folder.claim(CAR, 0.05)
