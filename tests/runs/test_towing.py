@@ -73,7 +73,7 @@ def test_worst_case_grids_and_finished_runs(folder, monkeypatch):
         expected = grid_convergence((0.044, 0.04, 0.048), row)
         assert float(found["mean_gci"].sel(load=load)) == expected.gci
         assert found["mean_convergence"].sel(load=load) == expected.kind
-    assert found["mean"].sel(load="hull Fx").values == pytest.approx([-70.3, -59.3, -91.7], rel=BAND)
+    assert found["mean"].sel(load="hull Fx").values == pytest.approx([-67.7, -59.3, -84.6], rel=BAND)  # hull on faces
     assert len(load_convergence.check_load_convergence(**quick)) == 8 * len(worst_case.LOADS)
     load_convergence.plot_convergence(found)
 
