@@ -37,6 +37,7 @@ KNOWN_MISSES = {
         "drag coefficient, square, 0.5 cells from a face": (0.27, AMID_CELLS),
         "drag coefficient, plate, 0 cells from a face": (0.25, AMID_CELLS),
         "drag coefficient, rectangle 1:2, 0 cells from a face": (0.45, AMID_CELLS),
+        "drag coefficient, rectangle 2:1, 0.5 cells from a face": (0.19, AMID_CELLS),
     },
     "round-column": {
         "drag coefficient, round, U 0.3 m/s (Fr 0.30)": (0.53, SMOOTH),
