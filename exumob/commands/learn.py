@@ -194,7 +194,7 @@ def _make_runs(made: LearningPlan, folder: LearningFolder, jobs: int, mpi: bool)
     if not missing:
         return {}
     if begun := sum(folder.is_begun(task) for task in missing):
-        console.print(f"{begun} of the other {len(missing)} {'has' if begun == 1 else 'have'} begun and will go on")
+        console.print(f"{begun} of {len(missing)} missing runs {'has' if begun == 1 else 'have'} begun and will go on")
     total = sum(task.duration for task in missing)
     reached = {task.name: 0.0 for task in missing}
     planned = {task.name: task.cost.seconds for task in missing}

@@ -52,7 +52,13 @@ RUNS_VARIABLE = "EXUMOB_RUNS"
 
 @dataclass(frozen=True)
 class FlowRun:
-    """One lane change with the flow in the loop."""
+    """One lane change with the flow in the loop.
+
+    Raises
+    ------
+    ValueError
+        If `hull_on_faces` is asked for in the doubled window, which knows none.
+    """
 
     scenario: Scenario
     cell_size: float = CELL_SIZE
@@ -67,12 +73,18 @@ class FlowRun:
     """Time at rest during the spin-up [s], None as usual: runs that differ in it alone are repetitions, with the flow
     in another phase at the release"""
     hull_on_faces: bool = False
-    """Bow, stern and sides of the hull lie on faces of the grid, in the window that is not doubled"""
+    """Bow, stern and sides of the hull lie on faces of the grid (`Grid.around_vehicle`)"""
+
+    def __post_init__(self) -> None:
+        if self.doubled and self.hull_on_faces:
+            raise ValueError(
+                "FlowRun.hull_on_faces = True has no effect with doubled = True, whose window is not fitted; set one."
+            )
 
     @property
     def name(self) -> str:
         """Name of the run as part of a file's name: the scenario, and settings other than the default."""
-        window = "_doubled" if self.doubled else ("_on_faces" if self.hull_on_faces else "")
+        window = ("_doubled" if self.doubled else "") + ("_on_faces" if self.hull_on_faces else "")
         step = "_following" if isinstance(self.macro_step, FollowFlow) else f"_{1e3 * self.macro_step:g}ms"
         step = "" if self.macro_step == MACRO_STEP else step
         hold = f"_hold{self.hold:g}s" if self.hold is not None else ""

@@ -82,6 +82,7 @@ SECTIONS = {
 PLACES = (0.0, 0.5)
 """Distances along the current of their middles from a face of the grid [cells]."""
 Place = Annotated[float, Quantity("1", at_least=-1.0, at_most=1.0)]
+"""Such a distance"""
 
 
 @dataclass(frozen=True)

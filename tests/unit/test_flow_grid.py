@@ -20,7 +20,7 @@ def off_faces(faces, places):
 @pytest.mark.parametrize("vehicle", [amphibious_vehicle(), small_car(), light_4x4(), large_4x4()], ids=lambda v: v.name)
 @pytest.mark.parametrize("part", [0.061, 0.09, 0.112, 0.23])
 def test_hull_lies_on_faces_when_asked(vehicle, part):
-    """Bow, stern and sides do, on cells near the size asked for, in a window no smaller; without asking some do not."""
+    """Bow, stern and sides do, on cells near the size asked for, in a window no smaller than without."""
     size, water = part * vehicle.wheel.diameter, Water(0.5 * vehicle.wheel.diameter)
     low, high = (end - vehicle.hull_origin for end in vehicle.hull.extent)
     plain, fitted = (vehicle_window(vehicle, size, water, hull_on_faces=asked) for asked in (False, True))

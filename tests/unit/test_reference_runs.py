@@ -23,3 +23,10 @@ def test_a_result_of_another_macro_step_is_refused(tmp_path, vehicle, made):
         with pytest.raises(ValueError, match="macro step of 1 ms, and this run has 2 ms; move it away"):
             RUN.compute(vehicle, tmp_path)
     assert "1ms" in replace(RUN, macro_step=1e-3).name and "ms" not in RUN.name.replace("mm", "")
+
+
+def test_a_window_is_doubled_or_fitted_and_its_run_named_so():
+    names = {replace(RUN, **{option: True}).name for option in ("doubled", "hull_on_faces")}
+    assert len(names | {RUN.name}) == 3
+    with pytest.raises(ValueError, match=r"FlowRun\.hull_on_faces = True has no effect with doubled = True"):
+        replace(RUN, doubled=True, hull_on_faces=True)
