@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from exumob.simulation.run import simulate
     from exumob.simulation.summary import summary
     from exumob.support.errors import SimulationError, SimulationInterrupted
+    from exumob.support.provenance import EXUMOB_VERSION as __version__
     from exumob.support.quantities import ImplausibleValue, unusual
     from exumob.surrogates.model import SurrogateHydrodynamics
     from exumob.vehicle.parameters import Box, Hull, Steering, Suspension, Vehicle, Wheel, WheelArches, Wishbones
@@ -67,6 +68,7 @@ __all__ = [
     "Wheel",
     "WheelArches",
     "Wishbones",
+    "__version__",
     "ford_report",
     "lane_change",
     "lane_shift",

@@ -33,9 +33,9 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from importlib import metadata
+        from exumob import __version__
 
-        console.print(f"exumob {metadata.version('exumob')}")
+        console.print(f"exumob {__version__}")
         raise typer.Exit
 
 

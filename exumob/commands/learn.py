@@ -64,9 +64,10 @@ def learn_command(  # one argument an option of the command line
         ),
     ] = None,
     output: Annotated[
-        Path | None, option(OUTPUT, "Folder for runs, networks and report card; needed but with --plan.")
+        Path | None,
+        option(OUTPUT, "Folder for runs, networks and report card; with --plan it keeps what the plan is made from."),
     ] = None,
-    plan: Annotated[bool, option(RUN, "Print the plan, and do nothing else.", "--plan")] = False,
+    plan: Annotated[bool, option(RUN, "Print the plan, and make no runs.", "--plan")] = False,
     jobs: Workers = 2,
     cell_size: Annotated[
         float | None,
@@ -99,7 +100,7 @@ def learn_command(  # one argument an option of the command line
     Example: exumob learn --vehicle car.py --budget 12 --output car_networks --plan
     """
     from exumob.learning.envelope import keep_envelope
-    from exumob.learning.plan import CELLS, LearningRange, make_plan
+    from exumob.learning.plan import CELLS, LearningRange, make_plan, require_budget
 
     folder: LearningFolder | None = None
     try:
@@ -137,9 +138,12 @@ def learn_command(  # one argument an option of the command line
             folder = LearningFolder(output)
             folder.claim(car, size)
             folder.load(mixed, car)  # what others have put there is refused before anything is computed
+        with option_names():
+            require_budget(car, wanted, budget, size, run_time=run_time)
         envelope = _envelope(car, wanted, output if output is not None else Path())
-        if folder is not None:
-            keep_envelope(envelope, car, wanted, folder.path)
+        if output is not None:
+            output.mkdir(parents=True, exist_ok=True)
+            keep_envelope(envelope, car, wanted, output)
         with option_names():
             chosen = PRESETS[WHOLE_RANGE if preset is None else preset]
             made = make_plan(car, wanted, budget, size, envelope, seeds=seeds, preset=chosen, run_time=run_time)

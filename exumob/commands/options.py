@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from enum import StrEnum
+from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -19,6 +20,7 @@ import typer
 from typer.core import TyperCommand
 
 from exumob.commands.shared import errors, fail
+from exumob.commands.terminal import visible
 from exumob.support.quantities import CELL_SIZE, CURRENT_SPEED, DIRECTION, DURATION, STEP, Quantity, Unusual
 
 RUN = "Run"
@@ -68,6 +70,19 @@ def _flag(parameter: Any) -> str:
 class PanelCommand(TyperCommand):
     """A command whose help shows its options in panels, in plain text."""
 
+    def parse_args(self, ctx: Any, args: list[str]) -> Any:
+        """Read the options; what is said of a number that cannot be read shows what was given."""
+        words = list(args)
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            flags = getattr(error.param, "opts", [])
+            given = next((text for flag in flags if (text := _value_of(flag, words)) is not None), None)
+            if given is not None and "unable to parse" in error.message:
+                kind = "whole number" if "integer" in error.message else "number"
+                error.message = f"{visible(given)!r} is not a {kind}; give it without its unit (--help names that)."
+            raise
+
     def invoke(self, ctx: Any) -> Any:
         """Run the command; where the system refuses a file that nothing else has asked about, say so."""
         sources = ((parameter, ctx.get_parameter_source(parameter.name)) for parameter in self.get_params(ctx))
@@ -90,6 +105,14 @@ class PanelCommand(TyperCommand):
             if rows:
                 with formatter.section(panel):
                     formatter.write_dl(rows)
+
+
+def _value_of(flag: str, words: list[str]) -> str | None:
+    """Return the last value that the words of a command line give to a flag; None if it is not there."""
+    after = [word for before, word in pairwise(words) if before == flag]
+    joined = [word.removeprefix(f"{flag}=") for word in words if word.startswith(f"{flag}=")]
+    found = after + joined
+    return found[-1] if found else None
 
 
 def option(panel: str, text: str, *flags: str, of: Quantity | None = None) -> Any:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import MISSING
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from exumob.commands.options import RUN, option
 from exumob.commands.shared import console, fail
 
 VEHICLE = ("Vehicle", "Hull", "Box", "WheelArches", "Wheel", "Suspension", "Wishbones", "Steering")
@@ -21,11 +23,24 @@ def parameters_command(
             "Default: those of a vehicle file."
         ),
     ] = None,
+    template: Annotated[
+        Path | None,
+        option(
+            RUN,
+            "Write a vehicle file here to copy from, instead of a list: that of small_car, or of the vehicle named.",
+        ),
+    ] = None,
 ) -> None:
-    """List fields with their units, limits, defaults and meanings.
+    """List fields with their units, limits, defaults and meanings; or write a vehicle file to edit.
 
-    Example: exumob parameters Soil Water LaneChange
+    Examples: exumob parameters Soil Water LaneChange; exumob parameters light_4x4 --template my_car.py
     """
+    if template is not None:
+        try:
+            _write_template(template, names or ["small_car"])
+        except (ValueError, OSError) as error:
+            fail(error)
+        return
     from exumob.support.declared import declared_fields, nearest_names
     from exumob.support.quantities import shown
 
@@ -44,6 +59,30 @@ def parameters_command(
         for field in declared_fields(owner):
             unit = "" if field.quantity is None or not field.quantity.symbol else f" [{field.quantity.symbol}]"
             console.print(f"  {field.name}{unit}: {_said(field)}", soft_wrap=True)
+
+
+def _write_template(file: Path, names: list[str]) -> None:
+    """Write the file of a vehicle that comes with exumob, to edit.
+
+    Raises
+    ------
+    ValueError
+        If more than one vehicle is named, or the file is there already or does not end in .py.
+    OSError
+        If no such vehicle comes with exumob, or the file cannot be written.
+    """
+    from exumob.support.files import require_ending, require_writable, write_text
+    from exumob.vehicle.vehicle_file import shipped_vehicle_file
+
+    if len(names) > 1:
+        raise ValueError(f"--template takes one vehicle, and {', '.join(names)} are named; give one of them.")
+    require_ending("--template", file, (".py",))
+    if file.exists():
+        raise ValueError(f"--template {file} is there already; give another name, or remove it.")
+    source = shipped_vehicle_file(names[0])
+    require_writable(file)
+    write_text(file, source.read_text(encoding="utf-8"))
+    console.print(f"{file}: the vehicle {source.stem}; edit its values, then exumob drive --vehicle {file}")
 
 
 def _classes() -> dict[str, type]:

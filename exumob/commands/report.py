@@ -16,10 +16,8 @@ if TYPE_CHECKING:
 
     from exumob.mobility.ford import FordReport
 
-COLOURS = {"drives": "green"} | dict.fromkeys(
-    ("stuck", "bottomed", "afloat", "slides", "stands", "too short to tell"), "yellow"
-)
-"""Colour of a verdict's line; those that are not here are red."""
+DOUBTFUL = ("stuck", "bottomed", "afloat", "slides", "stands", "too short to tell")
+"""Verdicts whose line is yellow."""
 
 
 def report_run(result: xr.Dataset, targets: dict[str, Path | None], setting: str = "") -> bool:
@@ -60,9 +58,11 @@ def report_ford(
         Draws it.
     """
     for name, text in report.lines().items():
-        style = ("green" if report.crosses else "red") if name == "verdict" else None
-        if name == "trust" and result.attrs["trust_status"] != "measured":
-            style = "yellow"
+        style = None
+        if name == "verdict":
+            style = _good(result) if report.crosses else "red"
+        elif name == "trust":
+            style = None if _good(result) == "green" else "yellow"
         console.print(f"{name:<12} {aspects(text, 13) if name == 'trust' else text}", style=style, soft_wrap=True)
     kept = result.isel(time=slice(report.last + 1))
     return write_result(result, targets, plot, lambda _, file: _animation(result)(kept, file))
@@ -82,12 +82,18 @@ def _print_verdict(result: xr.Dataset) -> None:
 
     verdict = verdict_of(result)
     if verdict is not None:
-        console.print(f"{'verdict':<21} {verdict.sentence}", style=COLOURS.get(verdict.kind, "red"), soft_wrap=True)
+        style = _good(result) if verdict.kind == "drives" else "yellow" if verdict.kind in DOUBTFUL else "red"
+        console.print(f"{'verdict':<21} {verdict.sentence}", style=style, soft_wrap=True)
+
+
+def _good(result: xr.Dataset) -> str:
+    """Colour of good news: green only where runs like this one were measured."""
+    return "green" if result.attrs.get("trust_status") == "measured" else "yellow"
 
 
 def _print_trust(result: xr.Dataset) -> None:
     if "trust" in result.attrs:
-        style = None if result.attrs["trust_status"] == "measured" else "yellow"
+        style = None if _good(result) == "green" else "yellow"
         console.print(f"{'trust':<21} {aspects(result.attrs['trust'], 22)}", style=style, soft_wrap=True)
     parts = str(result.attrs.get("trust_errors", "")).splitlines()
     if parts:

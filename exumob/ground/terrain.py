@@ -223,6 +223,18 @@ class Terrain(Declared):
     def _nodes(self) -> Array:
         return np.zeros((0, 0, 4)) if self.heights is None else hermite_nodes(np.asarray(self.heights, dtype=float))
 
+    @cached_property
+    def largest_slope(self) -> float:
+        """Largest slope of the plane and of the field's squares between four points, about their mid-points [rad]."""
+        rise_x, rise_y = self.slope_x, self.slope_y
+        if self.heights is not None:
+            field, (dx, dy) = np.asarray(self.heights, dtype=float), self._steps
+            along = 0.5 * (np.diff(field[1:], axis=1) + np.diff(field[:-1], axis=1)) / dx
+            across = 0.5 * (np.diff(field[:, 1:], axis=0) + np.diff(field[:, :-1], axis=0)) / dy
+            c, s = math.cos(self.direction), math.sin(self.direction)
+            return math.atan(float(np.hypot(rise_x + c * along - s * across, rise_y + s * along + c * across).max()))
+        return math.atan(math.hypot(rise_x, rise_y))
+
     def as_arrays(self, about: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> tuple[np.ndarray, Array]:
         """Return the terrain as compiled code reads it, see `terrain_height`.
 

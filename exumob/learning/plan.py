@@ -56,6 +56,8 @@ APART = 5
 """One captive run in so many is kept apart: the last of each group."""
 LEAST_DRIVES, DRIVES_A_ROUND = 4, 3
 """Drives that teach at least, and those that are added for each captive run."""
+LEAST_RUNS = LEAST_DRIVES + 3
+"""Runs of the smallest plan: a captive one, one kept apart and a drive kept apart come to the drives that teach."""
 ON_SOFT_GROUND, EVERY_ROUND = 100, 4
 """Number of the first drive on soft ground, in the deepest water: there the wheels are deepest in it; and in how
 many rounds there is one."""
@@ -342,14 +344,7 @@ def make_plan(  # each argument is a choice of its own
         If the budget buys too few runs to learn from, with what it would buy and what would do; or the grid does not
         fit into memory.
     """
-    if run_time is not None and not _divides(INTERVALS[-1], run_time):
-        raise ValueError(
-            f"make_plan.run_time = {run_time:.9g} s must be a whole number of milliseconds; give "
-            f"{round(run_time, 3):g} s, say."
-        )
-    usual = RUN_TIME * time_scale(vehicle)
-    part = 1.0 if run_time is None else run_time / usual
-    duration = max(round(10.0 * part * usual), 1) / 10.0 if run_time is None else run_time
+    part, duration = _run_time(vehicle, run_time)
     costs = _Costs(vehicle, cell_size)
     drives, judges = _teaching(vehicle, wanted, duration, costs), _judging(vehicle, wanted, part, costs)
     soft = _on_soft_ground(vehicle, wanted, duration, costs)
@@ -358,7 +353,7 @@ def make_plan(  # each argument is a choice of its own
         drives, soft, judges, (task for task in captive if task.role == "teach"),
         (task for task in captive_apart if task.role == "apart"),
     )  # fmt: skip
-    chosen = list(itertools.islice(order, LEAST_DRIVES + 3))
+    chosen = list(itertools.islice(order, LEAST_RUNS))
 
     def price(tasks: list[Task]) -> float:
         return (sum(task.cost.seconds for task in tasks) + _training(tasks, preset, seeds)) / 3600.0
@@ -366,7 +361,7 @@ def make_plan(  # each argument is a choice of its own
     if budget is None:
         budget = max(USUAL_BUDGET, math.ceil(price(chosen)))
     if price(chosen) > budget:
-        _refuse_budget(chosen, price(chosen), budget, cell_size)
+        _refuse_budget(len(chosen), sum(task.duration for task in chosen), price(chosen), budget, cell_size)
     left = budget - price(chosen)
     for task in itertools.islice(order, MOST_RUNS - len(chosen)):
         left -= price([task])
@@ -382,14 +377,60 @@ def make_plan(  # each argument is a choice of its own
     )  # fmt: skip
 
 
-def _refuse_budget(least: list[Task], price: float, budget: float, cell_size: float) -> None:
+@checked
+def require_budget(
+    vehicle: Vehicle,
+    wanted: LearningRange,
+    budget: Annotated[float | None, BUDGET],
+    cell_size: Annotated[float, CELL_SIZE],
+    *,
+    run_time: Annotated[float | None, Quantity("s", at_least=0.05, at_most=1e4)] = None,
+) -> None:
+    """Refuse a budget that does not even buy the least drives, before those that give the envelope are made.
+
+    The least captive runs cost about as much each; what they take exactly, `make_plan` tells.
+
+    Parameters
+    ----------
+    vehicle, wanted, budget, cell_size, run_time
+        As in `make_plan`.
+
+    Raises
+    ------
+    ValueError
+        With what the budget would buy and what would do, about.
+    """
+    part, duration = _run_time(vehicle, run_time)
+    costs = _Costs(vehicle, cell_size)
+    drives = list(itertools.islice(_teaching(vehicle, wanted, duration, costs), len(FIRST)))
+    least = [*(drives[number] for number in FIRST[:LEAST_DRIVES]), next(_judging(vehicle, wanted, part, costs))]
+    price = sum(task.cost.seconds for task in least) / 3600.0
+    if budget is not None and price > budget:
+        more = LEAST_RUNS / len(least)
+        seconds = sum(task.duration for task in least)
+        _refuse_budget(LEAST_RUNS, more * seconds, more * price, budget, cell_size)
+
+
+def _run_time(vehicle: Vehicle, run_time: float | None) -> tuple[float, float]:
+    """Return the duration of a run that teaches, over the usual one and in seconds."""
+    usual = RUN_TIME * time_scale(vehicle)
+    if run_time is None:
+        return 1.0, max(round(10.0 * usual), 1) / 10.0
+    if not _divides(INTERVALS[-1], run_time):
+        raise ValueError(
+            f"make_plan.run_time = {run_time:.9g} s must be a whole number of milliseconds; give "
+            f"{round(run_time, 3):g} s, say."
+        )
+    return run_time / usual, run_time
+
+
+def _refuse_budget(runs: int, seconds: float, price: float, budget: float, cell_size: float) -> None:
     """Raise ValueError: say what the budget would buy, and what would do."""
-    seconds = sum(task.duration for task in least)
     bought = budget / price * seconds
     coarser = cell_size * (price / budget) ** 0.25  # cells go with the cube of their size, steps with its inverse
     raise ValueError(
         f"make_plan.budget = {budget:g} h buys about {bought:.2g} s of flow on cells of {1e3 * cell_size:.3g} mm, and "
-        f"{seconds:.0f} s ({len(least)} runs) are the least from which networks can be learnt and tried; give "
+        f"{seconds:.0f} s ({runs} runs) are the least from which networks can be learnt and tried; give "
         f"{math.ceil(100.0 * price) / 100.0:g} h, or a cell_size of about {coarser:.2g} m, which loses more."
     )
 

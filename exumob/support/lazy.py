@@ -51,7 +51,7 @@ def on_first_use(package: str) -> tuple[Callable[[str], Any], Callable[[], list[
         }
 
     def find(name: str) -> Any:
-        if not name.startswith("_"):
+        if not name.startswith("_") or name in vars(module).get("__all__", ()):
             if name in places():
                 origin, original = places()[name]
                 value = getattr(importlib.import_module(origin), original)

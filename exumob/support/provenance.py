@@ -20,25 +20,27 @@ from exumob.support.files import PACKAGE
 from exumob.support.identity import digest, source
 
 
+def _exumob_version() -> str:
+    try:
+        return metadata.version("exumob")
+    except metadata.PackageNotFoundError:
+        return "not installed"
+
+
+EXUMOB_VERSION = _exumob_version()
+"""Version of exumob; "not installed" where only its folder is on the path."""
+
+
 def provenance() -> dict[str, str]:
     """Return the versions, the git revision and the date of this computation."""
     return {
-        "exumob_version": package_version(),
+        "exumob_version": EXUMOB_VERSION,
         "exudyn_version": _version("exudyn"),
         "numpy_version": np.__version__,
         "git_revision": _git_revision(),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "random_seed": "none (deterministic)",
     }
-
-
-@functools.cache
-def package_version() -> str:
-    """Return the version of exumob; ``"not installed"`` where only its folder is on the path."""
-    try:
-        return metadata.version("exumob")
-    except metadata.PackageNotFoundError:
-        return "not installed"
 
 
 @functools.cache

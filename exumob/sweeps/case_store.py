@@ -29,7 +29,7 @@ from exumob.simulation.result_files import save_dataset
 from exumob.support.cost import spelled_size
 from exumob.support.files import probe_folder, write_text
 from exumob.support.identity import differences, digest, identity
-from exumob.support.provenance import package_version
+from exumob.support.provenance import EXUMOB_VERSION
 from exumob.sweeps.case_rows import FORMAT, case_text, check_names, fault_of_row
 from exumob.sweeps.case_table import clean_text, table_of
 from exumob.sweeps.experiment import Experiment
@@ -87,7 +87,7 @@ class CaseStore(WithVehicleFiles):
         """Describe the function, its code and the cases; sweeps with the same description are the same."""
         cases = digest("\n".join(case_text(case) for case in self.cases))
         return {
-            "format": FORMAT, "exumob": package_version(), "number": len(self.cases), "cases": cases,
+            "format": FORMAT, "exumob": EXUMOB_VERSION, "number": len(self.cases), "cases": cases,
             "function": self.identity.values, "code": self.identity.code,
         }  # fmt: skip
 
@@ -304,7 +304,7 @@ class CaseStore(WithVehicleFiles):
             If that cannot be written.
         """
         row = {
-            "format": FORMAT, "exumob": package_version(), "function": self._values, "code": self._code,
+            "format": FORMAT, "exumob": EXUMOB_VERSION, "function": self._values, "code": self._code,
             "parameters": json.loads(case_text(self.cases[number])), "status": status, "reason": clean_text(reason),
             "wall_time": wall, "run": run,
             "values": {name: value if isinstance(value, str) else float(value) for name, value in values.items()},
@@ -344,8 +344,8 @@ class CaseStore(WithVehicleFiles):
             raise ValueError(
                 f"{file} is not how a case ended ({wrong}); remove it, and the same call runs the case again."
             )
-        if row["exumob"] != package_version():
-            wrong = f"was computed by exumob {row['exumob']}, this is {package_version()}"
+        if row["exumob"] != EXUMOB_VERSION:
+            wrong = f"was computed by exumob {row['exumob']}, this is {EXUMOB_VERSION}"
         elif row["function"] != self._values:
             wrong = "was computed by another experiment or function"
         elif json.dumps(row["parameters"]) != case_text(self.cases[number]):

@@ -28,7 +28,7 @@ from exumob.support.errors import SimulationError
 from exumob.support.files import require_folder_name, write_text
 from exumob.support.identity import differences, digest, identity
 from exumob.support.processes import end_with_parent
-from exumob.support.provenance import package_version, parameters_json, provenance
+from exumob.support.provenance import EXUMOB_VERSION, parameters_json, provenance
 from exumob.support.quantities import Quantity, shown
 from exumob.sweeps.case_rows import case_text
 from exumob.sweeps.case_store import StorageError, storage_remedy
@@ -187,7 +187,7 @@ def _check_folder(file: Path, experiment: Experiment, objective: Objective, case
     """
     found = {"experiment": identity(experiment), "objective": identity(objective)}
     wanted: dict[str, Any] = {name: one.values for name, one in found.items()}
-    wanted |= {"cases": [case_text(case) for case in cases], "exumob": package_version()}
+    wanted |= {"cases": [case_text(case) for case in cases], "exumob": EXUMOB_VERSION}
     wanted["code"] = found["objective"].code | found["experiment"].code
     text = json.dumps(wanted)
     if not file.exists():

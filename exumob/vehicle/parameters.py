@@ -6,6 +6,7 @@ touching hard ground at the static ride height. SI units and radians. Vehicle fi
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -213,7 +214,9 @@ def least_wheel_gap(vehicle: Vehicle) -> WheelGap:
 
 def touch_message(vehicle: Vehicle, what: str, touch: WheelGap) -> str:
     """Return the error about a tyre that enters the body, which `what` names."""
-    remedy = "move the wheels out (Vehicle.track), give a narrower body (Hull.width), less travel"
+    widest = _widest_body(vehicle)
+    narrow = f"Hull.width = {widest:g} m, about" if widest > 0.0 else "Hull.width"
+    remedy = f"move the wheels out (Vehicle.track), give a narrower body ({narrow}), less travel"
     if touch.angle:
         inner = abs(touch.angle) > 1.001 * vehicle.steering.limit
         further = f", at which the inner wheel turns {math.degrees(abs(touch.angle)):.3g} deg" if inner else ""
@@ -223,6 +226,19 @@ def touch_message(vehicle: Vehicle, what: str, touch: WheelGap) -> str:
         f"{what}: {vehicle.name} with Vehicle.track = {vehicle.track:g} m lets a tyre enter the body: {touch}, "
         f"{-1e3 * touch.gap:.1f} mm deep. Give it {arches}, or {remedy}."
     )
+
+
+def _widest_body(vehicle: Vehicle) -> float:
+    """Largest width of a hull of boxes without arches that the tyres clear, to a hundredth of it [m]; 0: none is."""
+    hull, axles = copy.copy(vehicle.hull), vehicle.axles
+    if hull.mesh is not None or hull.wheel_arches is not None:
+        return 0.0
+    low, high = 0.0, hull.width
+    while high - low > 0.01 * hull.width:
+        middle = 0.5 * (low + high)
+        object.__setattr__(hull, "width", middle)  # by its form alone, whatever else such a hull would need
+        low, high = (middle, high) if wheels_clear(hull, axles) is None else (low, middle)
+    return math.floor(1e3 * low) / 1e3
 
 
 def _ackermann(command: Motion, ratio: float) -> Motion:

@@ -55,7 +55,7 @@ def load_vehicle(file: str | Path) -> Vehicle:
     if path.is_dir():
         raise ValueError(f"vehicle file {path} is a folder; give a file in it: {WHAT_IT_IS}.")
     if not path.is_file():
-        path = _one_that_comes_with_it(path)
+        path = shipped_vehicle_file(path)
     if path.suffix != ".py":
         raise ValueError(f"vehicle file {path} is not a Python file; its name must end in .py ({WHAT_IT_IS}).")
     with _modules_beside(path), _errors_named(path):
@@ -68,8 +68,14 @@ def load_vehicle(file: str | Path) -> Vehicle:
     return vehicle
 
 
-def _one_that_comes_with_it(path: Path) -> Path:
-    """Return the file of a vehicle that comes with exumob, by its name."""
+def shipped_vehicle_file(path: str | Path) -> Path:
+    """Return the file of a vehicle that comes with exumob, by its name, such as ``small_car``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If none has this name, with those that there are.
+    """
     found = importlib.util.find_spec("vehicle_models")
     folders = list(found.submodule_search_locations or []) if found is not None else []
     known = {file.stem: file for folder in folders for file in sorted(Path(folder).glob("[!_]*.py"))}

@@ -132,8 +132,9 @@ class CrossSection(Declared):
             )
         try:
             return cls(**found)
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
+        except ValueError as error:  # of a value: a reader of the file looks for its line
+            text = re.sub(r"^CrossSection\.(\w+)\[(\d+)\]", lambda m: f"line {lines[int(m[2])]}: {m[1]}", str(error))
+            raise type(error)(f"{path}, {text}" if text != str(error) else f"{path}: {text}") from None
 
     @property
     def length(self) -> float:

@@ -71,7 +71,7 @@ BASES = {
     "train": [[]],
     "export": [["none.safetensors", "--output", "x.onnx"]],
     "soils": [[]],
-    "parameters": [[], ["Soil", "wheel"], ["all"]],
+    "parameters": [[], ["Soil", "wheel"], ["all"], ["--template", "car.py"]],
     "verify": [["--list"], ["sloshing"], ["none"]],
 }
 """Arguments to begin with"""

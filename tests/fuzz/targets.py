@@ -354,7 +354,7 @@ def function_targets() -> list[Target]:
     from exumob.flow.vehicle_window import vehicle_window
     from exumob.ground.hull_contact import hull_contact
     from exumob.learning.examples import training_runs
-    from exumob.learning.plan import LearningRange, make_plan
+    from exumob.learning.plan import LearningRange, make_plan, require_budget
     from exumob.mobility.crossing import Limits, judge_crossing
     from exumob.mobility.map import compute_map
     from exumob.simulation.settings import setting_named
@@ -457,6 +457,9 @@ def function_targets() -> list[Target]:
             "vehicle": vehicle, "wanted": LearningRange(), "budget": 1.0, "cell_size": 0.05,
             "envelope": EXAMPLES[examples.Envelope][0].make(),
         }, also=("Excitation", "Envelope", "cell_size", "Grid", "window", "Water", "Hull")),
+        f("require_budget", require_budget,
+          {"vehicle": vehicle, "wanted": LearningRange(), "budget": 9.0, "cell_size": 0.05},
+          also=("make_plan", "cell_size", "Grid", "window", "Water", "Hull")),
         f("load_members", load_members, {"file": "none.safetensors"}, files=True),
         f("save_ensemble", save_ensemble, {
             "members": [EXAMPLES[examples.NetworkSet][0].make()], "file": "x.safetensors",

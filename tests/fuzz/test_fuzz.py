@@ -146,6 +146,13 @@ def test_all_that_is_public_is_tried():
     from exumob.__main__ import COMMANDS
 
     tried = {t.name.partition(",")[0] for t in targets.function_targets()} | {owner.__name__ for owner in CLASSES}
-    no_input = {"Hydrodynamics", "NoWater", "ImplausibleValue", "SimulationError", "SimulationInterrupted"}
+    no_input = {
+        "__version__",
+        "Hydrodynamics",
+        "NoWater",
+        "ImplausibleValue",
+        "SimulationError",
+        "SimulationInterrupted",
+    }
     assert set(exumob.__all__) - tried - no_input == set()
     assert {f"exumob {name}" for name in COMMANDS} == {t.name for t in commands.command_targets()}

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import exumob
 from exumob.__main__ import app
 from exumob.commands.options import COMMON_ANGLES, option_names, radians, taken_for_radians, with_option_names
 from exumob.commands.report import _compiling
@@ -46,6 +47,33 @@ def lane_change(*arguments):
     return call("lane-change", *SHORT, *arguments)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["drive", "--depth", "80cm"], "'--depth': '80cm' is not a number"),
+        (["drive", "--depth=80 cm"], "'--depth': '80 cm' is not a number"),
+        (["learn", "--jobs", "2.5"], "'--jobs': '2.5' is not a whole number"),
+        (["captive", "--threads", "\x1b[31mred"], "'\\\\x1b[31mred' is not a whole number"),
+    ],
+)
+def test_what_is_no_number_is_shown(arguments, said):
+    answer = call(*arguments)
+    assert answer.exit_code == 2 and said in plain(answer.output), answer.output
+
+
+def test_a_template_is_a_vehicle_file_of_ones_own(tmp_path):
+    file = tmp_path / "car.py"
+    assert call("parameters", "large_4x4", "--template", file).exit_code == 0
+    assert load_vehicle(file) == load_vehicle("large_4x4")
+    for arguments, said in (
+        ([file], "is there already"), ([tmp_path / "car.txt"], "use .py"), ([tmp_path / "a.py", "truck"], "small_car"),
+        ([tmp_path / "no" / "a.py"], "does not exist"), ([tmp_path / "a.py", "small_car", "Hull"], "one vehicle"),
+    ):  # fmt: skip
+        answer = call("parameters", "--template", *arguments)
+        assert answer.exit_code == 2 and said in plain(answer.output), answer.output
+    assert [one.name for one in tmp_path.iterdir()] == ["car.py"]
+
+
 # -- help and tables ---------------------------------------------------------------------------------------------------
 
 
@@ -80,6 +108,7 @@ def test_version_is_that_of_the_package():
     answer = call("--version")
     assert answer.exit_code == 0
     assert answer.output.split() == ["exumob", importlib.metadata.version("exumob")]
+    assert exumob.__version__ == importlib.metadata.version("exumob")
 
 
 def test_soils_lists_all_23():

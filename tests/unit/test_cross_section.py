@@ -130,7 +130,12 @@ def test_reads_a_table(tmp_path):
         ("station,curent\n0,1\n1,0\n", "did you mean current"),
         ("bed\n0\n1\n", "no column station"),
         ("station,Station,bed\n0,0,1\n1,1,0\n", "stands twice"),
-        ("station,bed\n0,1\n1,-99999\n", "CrossSection.bed"),
+        ("station,bed\n0,1\n1,-99999\n", r"line 3: bed = -99999\.0 m must be"),
+        (
+            "# in cm\nstation,bed,current\n0,10060,0\n1,9960,0.2\n",
+            r"line 4: bed = 9960\.0 m .*in cm\? Then give 99\.6",
+        ),
+        ("station,bed,current\n0,1,0\n1,0,40\n", r"line 3: current = 40\.0 m/s is outside"),
     ],
 )
 def test_refuses_tables_by_line(tmp_path, text, message):

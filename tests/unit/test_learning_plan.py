@@ -29,6 +29,7 @@ from exumob.learning.plan import (
     FreeTask,
     LearningRange,
     make_plan,
+    require_budget,
 )
 from exumob.simulation.result_files import save_dataset
 from exumob.simulation.settings import time_scale, usual_speed
@@ -161,6 +162,19 @@ def test_a_larger_budget_adds_runs_to_those_of_a_smaller_one(plan):
 def test_a_budget_too_small_is_refused_with_what_it_buys():
     with pytest.raises(ValueError, match=r"budget = 0.01 h buys about .* s of flow on cells of 45 mm, and .* 0\.\d+ h"):
         make_plan(CAR, WANTED, 0.01, 0.045, ENVELOPE)
+
+
+def test_a_hopeless_budget_is_refused_before_any_drive_and_no_other():
+    """What the drives alone cost is known without the envelope; a budget that buys a plan passes."""
+    with pytest.raises(ValueError, match=r"budget = 0.01 h buys about .* \(7 runs\) are the least .* give 0\.\d+ h"):
+        require_budget(CAR, WANTED, 0.01, 0.045)
+    require_budget(CAR, WANTED, None, 0.045)
+    for budget in np.geomspace(0.02, 0.4, 12):
+        try:
+            make_plan(CAR, WANTED, budget, 0.045, ENVELOPE)
+        except ValueError:
+            continue
+        require_budget(CAR, WANTED, budget, 0.045)
 
 
 @pytest.mark.parametrize("cell_size", [0.045, 0.008], ids=["usual", "more"])

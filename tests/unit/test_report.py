@@ -34,15 +34,22 @@ GREEN, YELLOW, RED = "\x1b[32m", "\x1b[33m", "\x1b[31m"
     ("verdict", "colour"), [("drives", GREEN), ("stuck", YELLOW), ("swept away", RED), ("broke down", RED)]
 )
 def test_the_verdict_comes_first_in_its_colour(short_run, printed, verdict, colour):
-    run = short_run.assign_attrs(verdict=verdict, verdict_sentence=f"{verdict} since 3.20 s [red]: [/x]")
+    run = short_run.assign_attrs(
+        trust_status="measured", verdict=verdict, verdict_sentence=f"{verdict} since 3.20 s [red]: [/x]"
+    )
     first, _, second, *_ = printed(run)  # between them: how far the water model can be trusted
     assert first == f"{colour}verdict               {verdict} since 3.20 s [red]: [/x]\x1b[0m"
     assert second.startswith("run                   amphibious, D60/U1, coefficients; completed")
 
 
+@pytest.mark.parametrize("status", ["beyond", "not validated"])
+def test_good_news_is_green_only_where_runs_like_it_were_measured(short_run, printed, status):
+    run = short_run.assign_attrs(trust_status=status, verdict="drives", verdict_sentence="drives at the end")
+    assert printed(run)[0].startswith(f"{YELLOW}verdict")
+
+
 def test_every_verdict_has_a_colour():
-    assert set(report.COLOURS) <= set(VERDICTS)
-    assert report.COLOURS["drives"] == "green"
+    assert {*report.DOUBTFUL, "drives"} <= set(VERDICTS)
 
 
 def test_slip_without_contact_is_said(short_run, printed):

@@ -1,6 +1,7 @@
 """Terrain: planes, height fields, their continuity and bad input."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -30,6 +31,15 @@ def test_slope_rises_in_its_direction():
     assert z == pytest.approx(math.tan(math.radians(20.0)))
     assert math.degrees(math.acos(normal[2])) == pytest.approx(20.0)
     assert not terrain.is_flat
+
+
+def test_largest_slope_is_that_of_plane_and_field_together():
+    """A ramp of 0.3 that is turned by 90 degrees, on a plane that rises by 0.4 along x: 0.5 in all."""
+    ramp = 0.3 * np.tile(np.arange(4.0), (3, 1))
+    turned = Terrain(slope_x=0.4, heights=ramp, spacing=1.0, direction=0.5 * math.pi)
+    assert math.tan(turned.largest_slope) == pytest.approx(0.5)
+    assert math.tan(replace(turned, direction=0.0).largest_slope) == pytest.approx(0.7)
+    assert Terrain().largest_slope == 0.0
 
 
 def test_field_passes_through_its_points(hills):

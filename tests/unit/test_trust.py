@@ -215,6 +215,18 @@ def test_soil_under_water_says_at_which_moisture_it_was_measured():
     assert "Under water" not in trust_of(replace(RUN, soil=replace(RUN.soil, cohesion=2e3))).line
 
 
+@pytest.mark.parametrize("make", [
+    lambda slope: Terrain.slope(slope, 0.7),
+    lambda slope: Terrain(heights=[[0.0, math.tan(slope)]] * 2, spacing=(1.0, 50.0), direction=0.4),
+])  # fmt: skip
+def test_ground_steeper_than_its_soil_stands_is_named(make):
+    """LETE sand has a friction angle of 31.1 degrees (Wong)."""
+    dry = replace(RUN, water=None, hydrodynamics=NoWater())
+    assert "may slide" not in trust_of(replace(dry, terrain=make(math.radians(31.0)))).line
+    steep = trust_of(replace(dry, terrain=make(math.radians(40.0)))).line
+    assert "up to 40 deg steep, and LETE sand stands to 31 deg by its friction" in steep
+
+
 def test_flow_in_the_loop_says_how_well_it_repeats():
     found = trust_of(LOOP)
     assert (found.model, found.status) == ("flow in the loop", "measured")

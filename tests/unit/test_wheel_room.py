@@ -1,6 +1,7 @@
 """Wheels on all their ways: where suspension and steering take them, and that they never enter the body."""
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -210,6 +211,16 @@ def test_wheels_that_are_steered_into_a_box_are_refused():
         replace(TRUCK, hull=replace(TRUCK.hull, width=1.10, wheel_arches=None))
     straight = replace(TRUCK.steering, limit=math.radians(4.5))
     assert replace(TRUCK, hull=replace(TRUCK.hull, width=1.10, wheel_arches=None), steering=straight).hull.width == 1.10
+
+
+@pytest.mark.parametrize("width", [1.10, 1.20])
+def test_a_body_too_wide_is_told_the_width_that_would_do(width):
+    with pytest.raises(ValueError, match=r"Hull\.width = ([\d.]+) m, about") as error:
+        replace(TRUCK, hull=replace(TRUCK.hull, width=width, wheel_arches=None))
+    enough = float(re.search(r"Hull\.width = ([\d.]+) m", str(error.value))[1])
+    assert replace(TRUCK, hull=replace(TRUCK.hull, width=enough, wheel_arches=None)).hull.width == enough
+    with pytest.raises(ValueError, match="lets a tyre enter"):
+        replace(TRUCK, hull=replace(TRUCK.hull, width=enough + 0.02, wheel_arches=None))
 
 
 def test_what_is_told_clear_at_once_is_clear():

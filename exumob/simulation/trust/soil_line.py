@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from exumob.ground.soil import Soil
@@ -21,7 +22,19 @@ def soil_line(runs: Sequence[RunDescription]) -> str:
     return (
         f"Soil: {'your own' if own else 'published'} values ({named}), {'flat' if flat else 'given terrain'}; "
         f"{off} of the load off on one measured wheel ({wheel['wheel']}), up to {wheel['side_slip_deg']:g} deg of side "
-        f"slip.{_soil_under_water(runs)}"
+        f"slip.{_soil_under_water(runs)}{_too_steep(runs)}"
+    )
+
+
+def _too_steep(runs: Sequence[RunDescription]) -> str:
+    """Say where the ground is steeper than its soil stands without cohesion: there it would slide."""
+    steep = [(run.terrain.largest_slope, run.soil) for run in runs if not run.terrain.is_flat]
+    slope, soil = max(steep, key=lambda found: found[0] - found[1].friction_angle, default=(0.0, None))
+    if soil is None or slope <= soil.friction_angle + 1e-9:
+        return ""
+    return (
+        f" The ground is up to {math.degrees(slope):.0f} deg steep, and {soil.name or 'this soil'} stands to "
+        f"{math.degrees(soil.friction_angle):.0f} deg by its friction: steeper parts may slide."
     )
 
 
