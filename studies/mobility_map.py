@@ -40,8 +40,8 @@ PANELS = {
         "soil.cohesion": WEAK * SOIL.cohesion, "soil.friction_angle": math.atan(WEAK * math.tan(SOIL.friction_angle)),
     },
 }  # fmt: skip
-X = Axis("water.current_speed", 0.0, 1.2)
-Y = Axis("water.depth_ratio", 0.36, 0.64)
+X = Axis("water.current_speed", 0.0, 1.5)
+Y = Axis("water.depth_ratio", 0.2, 0.9)
 LIMITS = Limits(window=1.5)
 SPEEDS = np.arange(0.40, 0.801, 0.02)
 """Least speeds for which map and CFD-MBD are compared [m/s]."""
