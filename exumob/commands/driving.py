@@ -245,6 +245,7 @@ def drive(
     """
     from exumob.simulation.ensemble import add_members
     from exumob.simulation.run import simulate
+    from exumob.simulation.second_opinion import second_opinion
     from exumob.surrogates.model import SurrogateHydrodynamics
 
     progress: list[Callable[[float], None]] = []
@@ -291,11 +292,30 @@ def drive(
         except KeyboardInterrupt:
             errors.print("Stopped among the members; the run itself follows.", style="yellow")
             code = 130
+    if not code and _is_doubtful(result, model):
+        try:
+            with simulated_time_bar(scene.duration, "settling", "second opinion") as advance:
+                result = second_opinion(
+                    result, scene.vehicle, scene.soil, scene.water, scene.maneuver, progress=advance, **steps
+                )
+        except KeyboardInterrupt:
+            errors.print("Stopped at the second opinion; the run itself follows.", style="yellow")
+            code = 130
     if code and options.checkpoint is not None and options.checkpoint.exists():
         errors.print(f"{options.checkpoint} holds the run: the same command with --resume goes on.", soft_wrap=True)
     setting = f"{options.setting}: {SETTINGS[options.setting].error}" if options.measured else ""
     written = report_run(result, options.targets, setting) if report is None else report(result)
     raise typer.Exit(code or (0 if written else 2))
+
+
+def _is_doubtful(result: xr.Dataset, model: Hydrodynamics) -> bool:
+    """Tell if no run like this one was compared with the flow, and published coefficients are another opinion."""
+    from exumob.coupling.flow_in_loop import CfdHydrodynamics
+    from exumob.water.coefficients import CoefficientHydrodynamics
+    from exumob.water.hydrodynamics import NoWater
+
+    asked = isinstance(model, CfdHydrodynamics | NoWater) or type(model) is CoefficientHydrodynamics
+    return not asked and result.attrs.get("trust_status") == "not validated"
 
 
 def cells_of(vehicle: Vehicle) -> float:

@@ -64,6 +64,7 @@ def report_ford(
         elif name == "trust":
             style = None if _good(result) == "green" else "yellow"
         console.print(f"{name:<12} {aspects(text, 13) if name == 'trust' else text}", style=style, soft_wrap=True)
+    _print_second_opinion(result, 12)
     kept = result.isel(time=slice(report.last + 1))
     return write_result(result, targets, plot, lambda _, file: _animation(result)(kept, file))
 
@@ -95,6 +96,7 @@ def _print_trust(result: xr.Dataset) -> None:
     if "trust" in result.attrs:
         style = None if _good(result) == "green" else "yellow"
         console.print(f"{'trust':<21} {aspects(result.attrs['trust'], 22)}", style=style, soft_wrap=True)
+    _print_second_opinion(result, 21)
     parts = str(result.attrs.get("trust_errors", "")).splitlines()
     if parts:
         heading = "parts of the error where it was measured, each by itself (of the path's end, over its length):"
@@ -102,6 +104,12 @@ def _print_trust(result: xr.Dataset) -> None:
     for part in parts:
         name, _, amount = part.partition(": ")
         console.print(f"  {name:<23} {amount}", soft_wrap=True)
+
+
+def _print_second_opinion(result: xr.Dataset, width: int) -> None:
+    if "second_opinion" in result.attrs:
+        style = "yellow" if result.attrs["second_opinion_disagrees"] else None
+        console.print(f"{'2nd opinion':<{width}} {result.attrs['second_opinion']}", style=style, soft_wrap=True)
 
 
 def _print_summary(result: xr.Dataset, figures: dict[str, Any], setting: str) -> None:

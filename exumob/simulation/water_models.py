@@ -7,7 +7,7 @@ import logging
 from collections.abc import Sequence
 from pathlib import Path
 
-from exumob.simulation.trust.measured_runs import elsewhere_off, measured_vehicle
+from exumob.simulation.trust.measured_runs import measured_vehicle
 from exumob.support.declared import checked
 from exumob.surrogates.model import SurrogateHydrodynamics
 from exumob.surrogates.networks import NetworkSet
@@ -113,8 +113,8 @@ def hydrodynamics_named(
     vehicles = dict.fromkeys(name.split(" (")[0] for name in fitted_coefficients().about["runs"])
     _warn_once(
         f"{vehicle.name}: no networks know this vehicle ({shown}), so the loads of the water come from coefficients "
-        f"that were calibrated on {', '.join(vehicles)}. How far they are off here is not "
-        f"known; {elsewhere_off('calibrated')}. `exumob learn` makes networks for a vehicle."
+        f"that were calibrated on {', '.join(vehicles)}; the result's line of trust says how far they were off. "
+        "`exumob learn` makes networks for a vehicle."
     )
     return CalibratedHydrodynamics(coefficients)
 
