@@ -12,7 +12,7 @@ from exumob.flow.area_fractions import AreaFractions, clear, place_solid
 from exumob.flow.grid import Grid, Metrics
 from exumob.flow.poses import PlacedSolids, Poses
 from exumob.flow.settings import FlowSettings
-from exumob.flow.solids import Solid, lugs_of
+from exumob.flow.solids import CYLINDER, SPHERE, Solid, lugs_of
 from exumob.flow.turbulence.closures import KOmegaSST
 from exumob.ground.terrain import Terrain
 from exumob.support.arrays import Array
@@ -170,9 +170,16 @@ class Placement:
 
 
 def _bounds(solid: Solid, position: Array, rotation: Array) -> tuple[Array, Array]:
-    """Centre and half extents of a solid's bounding box along the grid's axes [m]."""
+    """Centre and half extents along the grid's axes [m] of a sphere, a cylinder, or the bounding box of another solid."""
     middle, half = 0.5 * (solid.low + solid.high), 0.5 * (solid.high - solid.low)
-    return position + rotation @ middle, np.abs(rotation) @ half
+    if solid.shape.kind == SPHERE:
+        extent = half
+    elif solid.shape.kind == CYLINDER:  # its box would reach lower the more it pitches
+        along = np.abs(rotation[:, 1])
+        extent = half[1] * along + half[0] * np.sqrt(np.maximum(1.0 - along**2, 0.0))
+    else:
+        extent = np.abs(rotation) @ half
+    return position + rotation @ middle, extent
 
 
 def index_region(metrics: Metrics, solid: Solid, position: Array, rotation: Array, margin: float) -> list[int]:

@@ -152,11 +152,19 @@ class LearningFolder:
 
     def unfinished(self, tasks: Sequence[Task]) -> list[Task]:
         """Return the tasks whose runs are not there yet."""
-        return [task for task in tasks if not (self.runs / f"{task.name}.nc").exists()]
+        return [task for task in tasks if not self.file(task).exists()]
+
+    def file(self, task: Task) -> Path:
+        """Where the finished run of a task is."""
+        return self.runs / f"{task.name}.nc"
+
+    def checkpoint(self, task: Task) -> Path:
+        """Where the checkpoint of an unfinished one is."""
+        return self.work / f"{task.name}.npz"
 
     def is_begun(self, task: Task) -> bool:
         """Whether the run of a task has left a checkpoint, from which it goes on."""
-        return (self.work / f"{task.name}.npz").exists()
+        return self.checkpoint(task).exists()
 
     def load(self, mixed: bool = False, vehicle: Vehicle | None = None) -> dict[str, xr.Dataset]:
         """Load all runs by name, with those that others have put there.
@@ -296,7 +304,7 @@ def _make(  # the arguments of `run_campaign`
         else ProcessPoolExecutor(max(1, min(jobs, len(tasks))), context, _begin, (queue, os.getpid()))
     )  # fmt: skip
     with stopping(pool):
-        pending = {pool.submit(_compute_and_keep, task, vehicle, folder.path, compute): task for task in tasks}
+        pending = {pool.submit(_compute_and_keep, task, vehicle, folder, compute): task for task in tasks}
         left = set(pending)
         while left:
             ended = wait(left, POLL, FIRST_COMPLETED).done
@@ -361,9 +369,8 @@ def _quieten() -> None:
     logging.getLogger("exumob").setLevel(logging.ERROR)  # the plan has said what the cells lose
 
 
-def _compute_and_keep(task: Task, vehicle: Vehicle, folder: Path, compute: Callable[..., Any]) -> None:
-    told = -np.inf
-    checkpoint = folder / "work" / f"{task.name}.npz"
+def _compute_and_keep(task: Task, vehicle: Vehicle, folder: LearningFolder, compute: Callable[..., Any]) -> None:
+    told, checkpoint = -np.inf, folder.checkpoint(task)
 
     def progress(time: float) -> None:
         nonlocal told
@@ -381,7 +388,7 @@ def _compute_and_keep(task: Task, vehicle: Vehicle, folder: Path, compute: Calla
         # another name. It cannot be gone on from.
         checkpoint.unlink()
         run = compute(task, vehicle, checkpoint, progress)
-    save_dataset(run, folder / "runs" / f"{task.name}.nc", elsewhere=False)
+    save_dataset(run, folder.file(task), elsewhere=False)
     checkpoint.unlink(missing_ok=True)
 
 

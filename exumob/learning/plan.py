@@ -56,8 +56,8 @@ APART = 5
 """One captive run in so many is kept apart: the last of each group."""
 LEAST_DRIVES, DRIVES_A_ROUND = 4, 3
 """Drives that teach at least, and those that are added for each captive run."""
-LEAST_RUNS = LEAST_DRIVES + 3
-"""Runs of the smallest plan: a captive one, one kept apart and a drive kept apart come to the drives that teach."""
+BESIDE = 3
+"""Runs of the smallest plan beside the drives that teach: a captive one, one kept apart and a drive kept apart."""
 ON_SOFT_GROUND, EVERY_ROUND = 100, 4
 """Number of the first drive on soft ground, in the deepest water: there the wheels are deepest in it; and in how
 many rounds there is one."""
@@ -353,7 +353,7 @@ def make_plan(  # each argument is a choice of its own
         drives, soft, judges, (task for task in captive if task.role == "teach"),
         (task for task in captive_apart if task.role == "apart"),
     )  # fmt: skip
-    chosen = list(itertools.islice(order, LEAST_RUNS))
+    chosen = list(itertools.islice(order, LEAST_DRIVES + BESIDE))
 
     def price(tasks: list[Task]) -> float:
         return (sum(task.cost.seconds for task in tasks) + _training(tasks, preset, seeds)) / 3600.0
@@ -406,9 +406,9 @@ def require_budget(
     least = [*(drives[number] for number in FIRST[:LEAST_DRIVES]), next(_judging(vehicle, wanted, part, costs))]
     price = sum(task.cost.seconds for task in least) / 3600.0
     if budget is not None and price > budget:
-        more = LEAST_RUNS / len(least)
-        seconds = sum(task.duration for task in least)
-        _refuse_budget(LEAST_RUNS, more * seconds, more * price, budget, cell_size)
+        runs = LEAST_DRIVES + BESIDE
+        more, seconds = runs / len(least), sum(task.duration for task in least)
+        _refuse_budget(runs, more * seconds, more * price, budget, cell_size)
 
 
 def _run_time(vehicle: Vehicle, run_time: float | None) -> tuple[float, float]:

@@ -4,9 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from exumob.flow import box, cylinder, hull_prism, mesh_solid, sphere
+from exumob.flow.placement import _bounds
 from exumob.flow.solids import PRISM, SAMPLED, vehicle_solids
+from exumob.support.rotations import about_y
 from exumob.vehicle.body import arch_of
 from exumob.vehicle.parameters import Hull
 from exumob.water.mesh_lines import signed_distances
@@ -87,3 +90,21 @@ def signed_distances_at(triangles, points):
 
 def test_a_plain_hull_stays_a_prism():
     assert vehicle_solids(amphibious_vehicle(), 0.02)[0].shape.kind == PRISM
+
+
+@pytest.mark.parametrize(
+    "solid", [sphere(0.3), cylinder(0.36, 0.2), box(0.9, 0.4, 0.2)], ids=["sphere", "cylinder", "box"]
+)
+def test_extents_are_those_of_the_turned_solid(solid):
+    """Of a wheel that pitches they stay; those of its box would grow, and let it seem to sink into the bed."""
+    rng = np.random.default_rng(4)
+    points = rng.uniform(solid.low, solid.high, (200_000, 3))
+    inside = points[solid.distance(points) < 0.0]
+    for rotation in Rotation.random(5, random_state=2).as_matrix():
+        center, extent = _bounds(solid, np.array([1.0, 2.0, 3.0]), rotation)
+        reach = np.abs(inside @ rotation.T).max(axis=0)
+        assert (reach <= extent + 1e-12).all() and (reach > 0.8 * extent).all()
+        assert center == pytest.approx([1.0, 2.0, 3.0])
+    wheel = cylinder(0.36, 0.2)
+    for pitch in (0.0, 0.2, 0.8):
+        assert _bounds(wheel, np.zeros(3), about_y(pitch))[1] == pytest.approx([0.36, 0.1, 0.36])
