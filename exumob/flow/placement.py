@@ -170,7 +170,7 @@ class Placement:
 
 
 def _bounds(solid: Solid, position: Array, rotation: Array) -> tuple[Array, Array]:
-    """Centre and half extents along the grid's axes [m] of a sphere, a cylinder, or the bounding box of another solid."""
+    """Centre and half extents along the grid's axes [m] of a sphere, a cylinder, or another's box."""
     middle, half = 0.5 * (solid.low + solid.high), 0.5 * (solid.high - solid.low)
     if solid.shape.kind == SPHERE:
         extent = half
