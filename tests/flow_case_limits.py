@@ -7,7 +7,7 @@ from exumob.verification.cases import CASES
 LONG = {"coupled-light-box", "sloshing-plic", "coupled-momentum", "far-field-waves", "far-field-drift"}
 """Take 7 to 20 s each and are run in tests/runs; the others try the same kernels in tests/physics."""
 SMOOTH = "where a smooth wall sheds its boundary layer is not resolved: the wall slips, with friction"
-SLOW_FRONT = "the front is a few per cent late and improves with the grid; pressure is read half a cell off the face"
+SLOW_FRONT = "the front is a few per cent late on every grid; pressure is read half a cell off the face"
 EDGES = "an edge that passes through the grid opens and closes its cells"
 P3 = "P3 at 101 mm", "P3 at 99 mm"
 AMID_CELLS = "its front and back lie amid cells, whose edges are rounded off by half of them"
@@ -35,7 +35,10 @@ KNOWN_MISSES = {
     },
     "sharp-columns": {
         "drag coefficient, square, 0.5 cells from a face": (0.27, AMID_CELLS),
-        "drag coefficient, plate, 0 cells from a face": (0.25, AMID_CELLS),
+        "drag coefficient, plate, 0 cells from a face": (
+            0.25,
+            "a plate about a cell thick: both its edges are one cell",
+        ),
         "drag coefficient, rectangle 1:2, 0 cells from a face": (0.45, AMID_CELLS),
         "drag coefficient, rectangle 2:1, 0.5 cells from a face": (0.19, AMID_CELLS),
     },
@@ -46,7 +49,7 @@ KNOWN_MISSES = {
     "bed-canal": {"canal, volume": (0.003, "films thinner than half a cell at a shore that wets and dries")},
     "resistance-hump": {
         "hull, depth Froude number of the largest coefficient": (
-            0.45,
+            0.95,
             "a blunt hull's bow wave stands and breaks before it",
         ),
     },

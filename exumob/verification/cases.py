@@ -6,6 +6,7 @@ from exumob.verification import (
     added_mass,
     basins,
     beds,
+    bores,
     columns,
     coupled,
     coupled_spring,
@@ -28,6 +29,6 @@ from exumob.verification.check import Case
 CASES: tuple[Case, ...] = (
     *basins.CASES, *frames.CASES, *waves.CASES, *far_field.CASES, *beds.CASES, *hydrostatics.CASES, *added_mass.CASES,
     *momentum.CASES, *moving_bodies.CASES, *floating.CASES, *coupled_spring.CASES, *coupled.CASES,
-    *coupled_vehicle.CASES, *dam_breaks.CASES, *columns.CASES, *squat.CASES, *towing.CASES, *worst_case.CASES,
-    *load_convergence.CASES,
+    *coupled_vehicle.CASES, *dam_breaks.CASES, *bores.CASES, *columns.CASES, *squat.CASES, *towing.CASES,
+    *worst_case.CASES, *load_convergence.CASES,
 )  # fmt: skip

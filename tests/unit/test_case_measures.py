@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from exumob.support.constants import GRAVITY
+from exumob.verification.bores import belanger, front_of, stoker
 from exumob.verification.dam_breaks import ARRIVAL, IMPULSE_END, arrival, fitted_faces, impulse, martin_moyce, spheric2
 from exumob.verification.measures import extremes, fitted_oscillation, observed_order
 
@@ -45,3 +47,23 @@ def test_published_data_comes_with_the_package():
         assert np.all(np.diff(time) > 0.0)
         assert 1.0 < pressure.max() < 2.5
         assert arrival(time, pressure) == pytest.approx(1.7, abs=0.1)
+
+
+@pytest.mark.parametrize("froude", [1.5, 3.6, 5.0])
+def test_a_jump_keeps_mass_and_momentum(froude):
+    front, deep, speed = belanger(froude, 0.1)
+    assert (speed + front) / math.sqrt(GRAVITY * 0.1) == pytest.approx(froude)
+    assert speed * 0.1 == pytest.approx(front * (deep - 0.1))
+    assert 0.5 * GRAVITY * (deep**2 - 0.01) == pytest.approx(0.1 * (speed + front) * speed)
+
+
+def test_a_dam_break_over_water_joins_bore_and_rarefaction():
+    """The same laws across the bore, and Riemann's invariant u + 2 sqrt(g h) of the reservoir behind it."""
+    speed, depth, behind = stoker(0.4, 0.04)
+    assert speed * 0.04 == pytest.approx((speed - behind) * depth)
+    assert 0.5 * GRAVITY * (depth**2 - 0.04**2) == pytest.approx(0.04 * speed * behind)
+    assert behind + 2.0 * math.sqrt(GRAVITY * depth) == pytest.approx(2.0 * math.sqrt(GRAVITY * 0.4))
+
+
+def test_front_is_the_last_place_as_high():
+    assert front_of(np.arange(5.0), np.array([1.0, 0.2, 1.0, 0.6, 0.1]), 0.5) == pytest.approx(3.2)

@@ -1,0 +1,200 @@
+"""Do bores run as conservation of mass and momentum says: a dam break over a wet bed (Stoker), moving jumps (Belanger)?
+
+Exact for depths that vary slowly: pressure hydrostatic before and behind the front, no friction. What the front looks
+like has no part in it.
+
+- **Dam break over water** (Stoker, Water Waves, 1957, ch. 10.8): between the bore and the wave that runs back into the
+  reservoir depth and velocity are uniform. Limits, written down first: depth and speed of the bore 3 %.
+- **Moving jump** (Belanger; Chow, Open-Channel Hydraulics, 1959, ch. 3): water of depth h1 at a speed u1 comes up
+  against water at rest before a wall. Where h2 = h1 (sqrt(1 + 8 Fr^2) - 1) / 2 behind it, Fr = (u1 + c) / sqrt(g h1),
+  the front runs back at c, u1 h1 = c (h2 - h1). Limits: depth and speed 3 %, momentum 1 %, that is
+  g (h2^2 - h1^2) / 2 against h1 (u1 + c) u1 with depth and speed as found.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from exumob.flow import FlowSolver, Grid
+from exumob.support.arrays import Array
+from exumob.support.constants import GRAVITY
+from exumob.support.declared import checked
+from exumob.verification.check import Case, Check, absolute, relative
+from exumob.verification.initial import centers, filled_to, started
+from exumob.verification.options import Cells, Duration
+from exumob.water.conditions import Water
+
+RESERVOIR, AHEAD = 0.4, 0.04
+"""Depths on both sides of the dam [m]."""
+SHALLOW = 0.1
+"""Depth before the jump [m]."""
+ROLLER = 7.0
+"""Length behind a front that is left out, over the depth behind it [-]: a jump's roller is about six long (Chow)."""
+
+STEP = 4e-3
+"""Longest interval of the solver [s]."""
+
+
+class Bore(NamedTuple):
+    """A front that runs, and what is behind it."""
+
+    speed: float
+    """Of the front [m/s]"""
+    depth: float
+    """Mean behind it [m]"""
+    volume: float
+    """Final over initial volume, less 1 [-]"""
+
+
+def stoker(reservoir: float, ahead: float) -> tuple[float, float, float]:
+    """Return the speed of the bore [m/s], depth [m] and velocity [m/s] between it and the wave that runs back.
+
+    Parameters
+    ----------
+    reservoir, ahead : float
+        Depths on both sides of the dam [m].
+    """
+
+    def bore(depth: float) -> float:
+        return math.sqrt(0.5 * GRAVITY * depth * (depth + ahead) / ahead)
+
+    def gap(depth: float) -> float:
+        behind = 2.0 * (math.sqrt(GRAVITY * reservoir) - math.sqrt(GRAVITY * depth))
+        return bore(depth) * (1.0 - ahead / depth) - behind
+
+    depth = float(brentq(gap, ahead * (1.0 + 1e-9), reservoir))
+    return bore(depth), depth, bore(depth) * (1.0 - ahead / depth)
+
+
+def belanger(froude: float, depth: float) -> tuple[float, float, float]:
+    """Return speed of the front [m/s], depth behind it [m] and the speed at which water comes up [m/s].
+
+    Parameters
+    ----------
+    froude : float
+        Of the water seen from the front [-].
+    depth : float
+        Before the front [m].
+    """
+    ratio = 0.5 * (math.sqrt(1.0 + 8.0 * froude**2) - 1.0)
+    front = froude * math.sqrt(GRAVITY * depth) / ratio
+    return front, ratio * depth, (ratio - 1.0) * front
+
+
+@checked
+def wet_dam_break(cells: Cells = 20.0, duration: Duration = 2.4) -> Bore:
+    """Dam break over water in a two-dimensional tank 12 m long; `cells` to the depth of the reservoir."""
+    size = RESERVOIR / cells
+    grid = Grid.uniform((0.0, 0.0, 0.0), (12.0, 4 * size, 1.5 * RESERVOIR), size)
+    x, dam = centers(grid.x_faces), 5.0
+    solver = started(grid, Water(AHEAD), level=np.where(x < dam, RESERVOIR, AHEAD))
+    _, middle, behind = stoker(RESERVOIR, AHEAD)
+    volume, fronts, depths = solver.water_volume(), [], []
+    times = np.linspace(0.5 * duration, duration, 25)
+    for time in times:
+        advance(solver, float(time))
+        level = solver.surface_height()[1]
+        fronts.append(front_of(x, level, 0.5 * (middle + AHEAD)))
+        back = dam + time * (behind - math.sqrt(GRAVITY * middle))  # foot of the wave that runs back
+        part = (x > back + 0.3 * (fronts[-1] - back)) & (x < fronts[-1] - ROLLER * (middle - AHEAD))
+        depths.append(float(level[part].mean()))
+    lost = solver.water_volume() / volume - 1.0
+    return Bore(float(np.polyfit(times, fronts, 1)[0]), float(np.mean(depths)), lost)
+
+
+@checked
+def moving_jump(froude: float, cells: Cells = 5.0, duration: Duration = 7.0) -> Bore:
+    """Water that comes up against a wall, with a front that runs back from there; `cells` to the depth before it.
+
+    Upstream of the last 8 m the cells are longer. The tank is so long that its empty end is not felt.
+    """
+    size, water = SHALLOW / cells, Water(SHALLOW)
+    _, deep, speed = belanger(froude, SHALLOW)
+    start, core, tall = -1.0, -8.0, math.ceil(3.0 * deep / size) * size
+    reach = core - (speed + math.sqrt(GRAVITY * SHALLOW)) * duration - 2.0
+    corners = (core, 0.0, 0.0), (0.0, 4 * size, tall)
+    grid = Grid.stretched(*corners, (reach, 0.0, 0.0), corners[1], size, 1.02)
+    x = centers(grid.x_faces)
+    solver = started(grid, water)
+    there = np.where(x < reach + 0.5, 1e-3, np.where(x < start, SHALLOW, deep))
+    ny, nz, nx = grid.shape
+    along = np.zeros((ny, nz, nx + 1))
+    moving = (grid.x_faces > reach + 0.5) & (grid.x_faces < start)
+    along[:, :, moving] = speed
+    still = np.zeros((ny + 1, nz, nx)), np.zeros((ny, nz + 1, nx))
+    solver.set_flow(fraction=filled_to(grid, there), velocity=(along, *still))
+    volume, fronts, depths = solver.water_volume(), [], []
+    times = np.linspace(0.6 * duration, duration, 41)
+    for time in times:
+        advance(solver, float(time))
+        level = solver.surface_height()[1]
+        fronts.append(front_of(-x[::-1], level[::-1], 0.5 * (deep + SHALLOW)))
+        part = (x > -fronts[-1] + ROLLER * deep) & (x < -0.5 * deep)
+        depths.append(float(level[part].mean()))
+    lost = solver.water_volume() / volume - 1.0
+    return Bore(float(np.polyfit(times, fronts, 1)[0]), float(np.mean(depths)), lost)
+
+
+def advance(solver: FlowSolver, time: float) -> None:
+    """Advance to a time [s] in steps of `STEP` at most, which the solver divides where it must."""
+    first = solver.time
+    for instant in np.linspace(first, time, max(math.ceil((time - first) / STEP), 1) + 1)[1:]:
+        solver.advance(float(instant))
+
+
+def front_of(x: Array, level: Array, height: float) -> float:
+    """Place [m] of the last column that is at least `height` high, linear from there to the next; x increases."""
+    i = int(np.flatnonzero(level >= height)[-1])
+    return float(np.interp(-height, -level[i : i + 2], x[i : i + 2]))
+
+
+def check_wet_dam_break() -> list[Check]:
+    """Speed of the bore and depth behind it within 3 %."""
+    speed, depth, _ = stoker(RESERVOIR, AHEAD)
+    found = wet_dam_break()
+    return [
+        relative("speed of the bore, depths 10:1", found.speed, speed, 0.03),
+        relative("depth behind the bore, depths 10:1", found.depth, depth, 0.03),
+        absolute("volume, dam break over water", found.volume, 0.0, 1e-5),
+    ]
+
+
+@checked
+def check_jump(froude: float) -> list[Check]:
+    """Speed of the front and depth behind it within 3 %, momentum within 1 %."""
+    front, deep, speed = belanger(froude, SHALLOW)
+    found = moving_jump(froude)
+    gained = SHALLOW * (speed + found.speed) * speed
+    pushed = 0.5 * GRAVITY * (found.depth**2 - SHALLOW**2)
+    name = f"jump, Froude number {froude:g}"
+    return [
+        relative(f"speed of the front, {name}", found.speed, front, 0.03),
+        relative(f"depth behind it, {name}", found.depth, deep, 0.03),
+        absolute(f"momentum, {name}", pushed / gained - 1.0, 0.0, 0.01),
+        absolute(f"volume, {name}", found.volume, 0.0, 1e-5),
+    ]
+
+
+CASES: tuple[Case, ...] = (
+    Case(
+        "wet-dam-break",
+        "A dam break over water: bore and depth behind it (Stoker 1957)",
+        check_wet_dam_break,
+        0.5,
+        slow=True,
+    ),
+    *(
+        Case(
+            f"jump-{froude:g}",
+            f"A breaking jump of Froude number {froude:g} that runs: depth, speed, momentum (Belanger)",
+            lambda froude=froude: check_jump(froude),
+            4.0,
+            slow=True,
+        )
+        for froude in (2.25, 3.6, 5.0)
+    ),
+)
