@@ -12,6 +12,8 @@ Run: python studies/calibrate_coefficients.py                      (five minutes
      python studies/calibrate_coefficients.py --anew [--jobs 2]    (makes the three runs of `data/cars` anew first, a
      quarter of an hour of one core each; it goes on where it was stopped)
      python studies/calibrate_coefficients.py --sets    (what the drives over the whole range bring; ten minutes)
+     python studies/calibrate_coefficients.py --later   (judges them by drives of a car that were made after the fit:
+     `data/cars/across` and `data/light_4x4`; two minutes)
 """
 
 from __future__ import annotations
@@ -23,11 +25,20 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
-from common import CAR_RUNS, CFD_RUNS, FULL_RANGE_RUNS, full_range_plan, save, study_parser
+from common import (
+    CAR_RUNS,
+    CFD_RUNS,
+    FULL_RANGE_RUNS,
+    LIGHT_4X4_RUNS,
+    full_range_plan,
+    save,
+    stored_plan,
+    study_parser,
+)  # fmt: skip
 from matplotlib.figure import Figure
 
 from exumob import Soil, simulate
-from exumob.driving.maneuver import LaneChange, Maneuver
+from exumob.driving.maneuver import ConstantSteer, LaneChange, Maneuver
 from exumob.flow import FlowSettings
 from exumob.flow.cost import flow_cost
 from exumob.flow.vehicle_window import vehicle_window
@@ -72,6 +83,10 @@ SETS = {
 """What `--sets` compares: kinds of runs over the whole range."""
 KEPT = 10
 """One millisecond of so many is kept of them: their times are twice those of the paper's vehicle."""
+ACROSS = 0.7, 2.0
+"""Depth over the tyre's diameter, and current from the right [m/s], of the drive in `data/cars/across`."""
+LIGHT_4X4_PLAN = 2.0, 0.079
+"""Budget [h] and width of the cells [m] with which the runs of `data/light_4x4` were planned."""
 MODELS = ("coefficients", "calibrated", "without it", "own runs")
 """What is compared with the flow: published coefficients, and those fitted to the runs of all vehicles, to those of all
 but the one that is judged, and to those of its own alone."""
@@ -122,8 +137,9 @@ def _relative(loads: Array, true: Array) -> float:
 
 
 def compared(
-    run: xr.Dataset, vehicle: Vehicle, water: Water, maneuver: LaneChange, fitted: Mapping[str, WaveCoefficients]
-) -> dict[str, dict[str, float]]:
+    run: xr.Dataset, vehicle: Vehicle, water: Water, maneuver: Maneuver, fitted: Mapping[str, WaveCoefficients],
+    soil: str = SOIL,
+) -> dict[str, dict[str, float]]:  # fmt: skip
     """Mean loads of the flow and of the models along a run, errors of their loads, and where their drives end."""
     rows = np.flatnonzero(usable(run))[::THINNING]
     late = run["time"].values[rows] >= LATE * time_scale(vehicle)
@@ -139,19 +155,83 @@ def compared(
     for name, one in loads.items():
         found[name] = {
             "drag": -float(one[late, :, 0].sum(axis=1).mean()), "lift": float(one[late, 0, 2].mean()),
-            "trim": float(one[late, 0, 4].mean()),
+            "trim": float(one[late, 0, 4].mean()), "side": float(one[late, :, 1].sum(axis=1).mean()),
             "hull_error": float((np.sqrt(np.mean((one - true) ** 2, axis=0)) / deviation)[0].mean()),
             "axle_error": _relative(one[:, 1:3, 1].sum(axis=1), true[:, 1:3, 1].sum(axis=1)),
         }  # fmt: skip
         if name in models:
-            found[name]["final"] = _end(vehicle, SOIL, water, maneuver, models[name], run)
+            found[name]["final"] = _end(vehicle, soil, water, maneuver, models[name], run)
     return found
+
+
+def later_runs() -> dict[str, tuple[FreeTask, xr.Dataset]]:
+    """Drives of `light_4x4` with the flow in the loop that were made after the fit, and what was asked of them."""
+    vehicle = light_4x4()
+    water = Water.at_ratio(
+        ACROSS[0], ACROSS[1], current_direction=0.5 * math.pi, tyre_diameter=vehicle.wheel.diameter
+    )  # fmt: skip
+    straight = ConstantSteer(speed=usual_speed(vehicle) / vehicle.wheel.radius, ramp_time=time_scale(vehicle))
+    plan = stored_plan(vehicle, LIGHT_4X4_RUNS, *LIGHT_4X4_PLAN)
+    across = FreeTask("straight across", "apart", water, straight, 10.0, plan.cell_size, plan.tasks[0].cost)
+    planned = {task.name: task for task in plan.tasks if isinstance(task, FreeTask)}
+    files = {path.stem: path for path in sorted((LIGHT_4X4_RUNS / "runs").glob("*.nc"))}
+    return {"straight across": (across, load_run(CAR_RUNS / "across" / "light_4x4.nc"))} | {
+        name: (planned[name], load_run(path)) for name, path in files.items()
+    }
+
+
+def later() -> xr.Dataset:
+    """Loads and ends of those drives by the flow, the published and the calibrated coefficients."""
+    vehicle, models = light_4x4(), {"calibrated": WaveCoefficients.load(FITTED)}
+    runs = later_runs()
+    check_geometry({name: run for name, (_, run) in runs.items()}, vehicle)
+    found = {
+        name: compared(run, vehicle, task.water, task.maneuver, models, task.soil)
+        for name, (task, run) in runs.items()
+    }  # fmt: skip
+    result = table(found).drop_sel(model=["without it", "own runs"])
+    tasks = [task for task, _ in runs.values()]
+    angles = [math.remainder(180.0 - math.degrees(task.water.current_direction), 360.0) for task in tasks]
+    result = result.assign(
+        depth_ratio=("run", [task.water.depth / vehicle.wheel.diameter for task in tasks], {"units": "1"}),
+        current=("run", [task.water.current_speed for task in tasks], {"units": "m s-1"}),
+        origin=(
+            "run",
+            angles,
+            {"units": "degree", "long_name": "whence the current comes, from ahead on to the right"},
+        ),
+    )
+    save({"calibrated_later.nc": result})
+    return result
+
+
+def later_lines(found: xr.Dataset) -> str:
+    """Those drives as they stand on the page of the study."""
+    models = [str(name) for name in found["model"].values]
+    rows = [f"| depth, current, from | {' | '.join(models)} |", "|---" * (1 + len(models)) + "|"]
+    for name in found["run"].values:
+        one = found.sel(run=name)
+        cells = []
+        for model in models:
+            drag, side, final = (float(one[kind].sel(model=model)) for kind in ("drag", "side", "final"))
+            end = "" if math.isnan(final) else f", {float(f'{final:.2g}'):g} %"
+            cells.append(f"{drag:.0f} N, {side:.0f} N{end}")
+        water = f"{100.0 * float(one['depth_ratio']):.0f} %, {float(one['current']):.3g} m/s"
+        rows.append(f"| {water}, {_whence(float(one['origin']))} | {' | '.join(cells)} |")
+    return "\n".join(rows)
+
+
+def _whence(angle: float) -> str:
+    """Whence a current comes: an angle from ahead on to the right [deg]."""
+    if abs(angle) < 1.0 or abs(angle) > 179.0:
+        return "ahead" if abs(angle) < 1.0 else "behind"
+    return f"{abs(angle):.0f} deg {'right' if angle > 0.0 else 'left'}"
 
 
 def table(found: Mapping[str, Mapping[str, Mapping[str, float]]]) -> xr.Dataset:
     """All figures, by run and model."""
     models = ("flow", *MODELS)
-    units = {"drag": "N", "lift": "N", "trim": "N m", "hull_error": "1", "axle_error": "1", "final": "%"}
+    units = {"drag": "N", "lift": "N", "trim": "N m", "side": "N", "hull_error": "1", "axle_error": "1", "final": "%"}
     return xr.Dataset(
         {
             name: (
@@ -312,6 +392,11 @@ if __name__ == "__main__":
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--anew", action="store_true", help="make the flow runs of the cars anew first")
     parser.add_argument("--sets", action="store_true", help="compare what the runs over the whole range bring")
+    parser.add_argument("--later", action="store_true", help="judge what was fitted by drives that were made later")
     set_up_log()
     given = vars(parser.parse_args())
-    print(compare_sets() if given.pop("sets") else lines(main(**given)))
+    asked = {name: given.pop(name) for name in ("sets", "later")}
+    if asked["later"]:
+        print(later_lines(later()))
+    else:
+        print(compare_sets() if asked["sets"] else lines(main(**given)))

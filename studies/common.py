@@ -23,6 +23,7 @@ from exumob.learning.envelope import stored_envelope
 from exumob.learning.plan import LearningPlan, LearningRange, make_plan
 from exumob.simulation.result_files import save_dataset
 from exumob.support.figures import save_figure
+from exumob.vehicle.parameters import Vehicle
 from vehicle_models.amphibious import amphibious_vehicle
 
 FIGURES = Path(__file__).parent / "figures"
@@ -33,6 +34,8 @@ FULL_RANGE_RUNS = CFD_RUNS.parent / "full_range"
 """Folder of the runs that `exumob learn` made for the whole range, thinned."""
 CAR_RUNS = CFD_RUNS.parent / "cars"
 """Folder of a lane change of each of the other vehicles with the flow in the loop, thinned."""
+LIGHT_4X4_RUNS = CFD_RUNS.parent / "light_4x4"
+"""Folder of those that it made so far of another vehicle."""
 FULL_RANGE_CELLS, FULL_RANGE_BUDGET = 0.022, 4.2
 """Width of their cells [m], and the budget that they were planned with [h]."""
 
@@ -65,10 +68,24 @@ def add_workers(parser: argparse.ArgumentParser, folder: str) -> None:
 
 
 def full_range_plan() -> LearningPlan:
-    """The plan of the runs in `FULL_RANGE_RUNS`, as `exumob learn` makes it; the envelope is the stored one."""
-    vehicle, wanted = amphibious_vehicle(), LearningRange()
-    envelope = stored_envelope(vehicle, wanted, FULL_RANGE_RUNS)
-    return make_plan(vehicle, wanted, FULL_RANGE_BUDGET, FULL_RANGE_CELLS, envelope)
+    """The plan of the runs in `FULL_RANGE_RUNS`, as `exumob learn` makes it."""
+    return stored_plan(amphibious_vehicle(), FULL_RANGE_RUNS, FULL_RANGE_BUDGET, FULL_RANGE_CELLS)
+
+
+def stored_plan(vehicle: Vehicle, folder: Path, budget: float, cells: float) -> LearningPlan:
+    """The plan of a folder of runs, as `exumob learn` makes it from the envelope that is kept there.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Whose runs they are.
+    folder : Path
+        Where they are.
+    budget, cells : float
+        Time of a core [h] and width of the cells [m] that they were planned with.
+    """
+    wanted = LearningRange()
+    return make_plan(vehicle, wanted, budget, cells, stored_envelope(vehicle, wanted, folder))
 
 
 def save(outputs: Mapping[str, Figure | xr.Dataset], folder: Path = FIGURES) -> None:

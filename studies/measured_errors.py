@@ -150,7 +150,9 @@ def elsewhere(table: xr.Dataset) -> dict[str, Any]:
 def validated(text: str) -> dict[str, Any]:
     """Read from the page of validation how far loads of the flow and forces of the soil are off."""
     bodies = "sharp-edged box|hull with a raked bow|square column"
-    drag = [float(row) / 100.0 for row in re.findall(rf"^\| (?:{bodies}), [\d.]+ m/s \| ([+-]\d+) %", text, re.M)]
+    drag = [
+        float(row) / 100.0 for row in re.findall(rf"^\| (?:{bodies}), [\d.]+ m/s \| \*{{0,2}}([+-]\d+) %", text, re.M)
+    ]
     wheel = re.search(r"CMU single wheel .*side slip (\d+) deg, \$F_x\$ \|[^|]*\| ([\d.]+) to ([\d.]+) \|", text)
     side = re.search(r"the same, \$F_y\$ \| measured; rms error over load \| ([\d.]+) to ([\d.]+) \|", text)
     if not (drag and wheel and side):

@@ -36,6 +36,9 @@ SLOWEST, FASTEST = 0.7, 1.2
 HIGHEST, SINES, PERIOD = 0.6, 8, 32.0
 """Highest frequency of its steering, times `time_scale` [Hz], most sines in it, and the time after which they repeat
 themselves, over `time_scale` [s]."""
+DECIMALS = 6
+"""To which times, angles and speeds of its maneuver are rounded, so that each processor plans the same drive: a run has
+its name from all that it is made from, and would be made anew on another one."""
 PHASES = 24
 """Sets of phases that are drawn; drives of other numbers take them again."""
 TURNING = 0.4
@@ -88,7 +91,7 @@ def teaching_drive(vehicle: Vehicle, number: int, duration: float) -> Recorded:
     sines = small_peak(harmonics, number % PHASES).at(time / period)
     begun = _rising(part, ramp, ramp)
     steering = angle * half * begun * (turning + (1.0 - abs(turning)) * share * sines)
-    return Recorded(time, steering, fastest * spin * speed)
+    return Recorded(*(np.round(values, DECIMALS) + 0.0 for values in (time, steering, fastest * spin * speed)))
 
 
 def judging_drives(vehicle: Vehicle, part: float) -> list[tuple[Maneuver, float]]:
