@@ -24,6 +24,7 @@ from exumob.commands.options import (
 from exumob.commands.report import report_run
 from exumob.commands.shared import check_targets, errors, fail, simulated_time_bar, whatever_was_computed
 from exumob.simulation.settings import RECORD_STEP, SETTINGS, setting_named
+from exumob.support.errors import SimulationError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from exumob.driving.maneuver import Maneuver
     from exumob.ground.soil import Soil
     from exumob.ground.terrain import Terrain
+    from exumob.simulation.second_opinion import Outcome
     from exumob.vehicle.parameters import Vehicle
     from exumob.vehicle.start_pose import StartPose
     from exumob.water.conditions import Water
@@ -228,6 +230,7 @@ def drive(
     flow_of: Callable[[Scene], FlowOptions],
     say: Callable[[Scene], None] = lambda scene: None,
     report: Callable[[xr.Dataset], bool] | None = None,
+    outcome: Callable[[xr.Dataset], Outcome] | None = None,
 ) -> NoReturn:
     """Make a scene, run it, say what came of it, write its files and leave with an exit code.
 
@@ -242,12 +245,15 @@ def drive(
         Says before the run what was chosen.
     report : callable, optional
         Says what came of it and writes its files, True if all of them were written; default: the summary of a run.
+    outcome : callable, optional
+        What counts of a run when models are compared; default: its verdict, at its end.
     """
     from exumob.simulation.ensemble import add_members
     from exumob.simulation.run import simulate
-    from exumob.simulation.second_opinion import second_opinion
+    from exumob.simulation.second_opinion import second_opinion, verdict_outcome
     from exumob.surrogates.model import SurrogateHydrodynamics
 
+    outcome = outcome or verdict_outcome
     progress: list[Callable[[float], None]] = []
     scheme: Coupling | None = None
     lead = 0.0
@@ -282,30 +288,37 @@ def drive(
     with simulated_time_bar(scene.duration, "settling", "driving", lead) as advance:
         progress.append(advance)
         result, code = whatever_was_computed(lambda: run(advance), options.targets["--output"])
+    given = scene.vehicle, scene.soil, scene.water, scene.maneuver
     if options.members and not code:
         assert isinstance(model, SurrogateHydrodynamics)
-        try:
-            with simulated_time_bar(scene.duration, "settling", "members") as advance:
-                result = add_members(
-                    result, scene.vehicle, scene.soil, scene.water, scene.maneuver, model, progress=advance, **steps
-                )
-        except KeyboardInterrupt:
-            errors.print("Stopped among the members; the run itself follows.", style="yellow")
-            code = 130
+        result, code = _beside(
+            result, "members", scene, lambda advance: add_members(result, *given, model, progress=advance, **steps)
+        )
     if not code and _is_doubtful(result, model):
-        try:
-            with simulated_time_bar(scene.duration, "settling", "second opinion") as advance:
-                result = second_opinion(
-                    result, scene.vehicle, scene.soil, scene.water, scene.maneuver, progress=advance, **steps
-                )
-        except KeyboardInterrupt:
-            errors.print("Stopped at the second opinion; the run itself follows.", style="yellow")
-            code = 130
+        result, code = _beside(
+            result, "second opinion", scene,
+            lambda advance: second_opinion(result, *given, outcome=outcome, progress=advance, **steps),
+        )  # fmt: skip
     if code and options.checkpoint is not None and options.checkpoint.exists():
         errors.print(f"{options.checkpoint} holds the run: the same command with --resume goes on.", soft_wrap=True)
     setting = f"{options.setting}: {SETTINGS[options.setting].error}" if options.measured else ""
     written = report_run(result, options.targets, setting) if report is None else report(result)
     raise typer.Exit(code or (0 if written else 2))
+
+
+def _beside(
+    result: xr.Dataset, what: str, scene: Scene, more: Callable[[Callable[[float], None]], xr.Dataset]
+) -> tuple[xr.Dataset, int]:
+    """Add to a finished run what further drives say; return it, or if they fail the run as it was, and an exit code."""
+    try:
+        with simulated_time_bar(scene.duration, "settling", what) as advance, option_names():
+            return more(advance), 0
+    except KeyboardInterrupt:
+        errors.print(f"Stopped at the {what}; the run itself, which is whole, follows.", style="yellow")
+        return result, 130
+    except (ValueError, ArithmeticError, OSError, MemoryError, SimulationError) as error:
+        errors.print(f"No {what}: {error} The run itself, which is whole, follows.", style="yellow", soft_wrap=True)
+        return result, 0
 
 
 def _is_doubtful(result: xr.Dataset, model: Hydrodynamics) -> bool:

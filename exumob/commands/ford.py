@@ -117,6 +117,7 @@ def ford_command(  # one argument an option of the command line
     """
     from exumob.mobility.ford import ford_report
     from exumob.mobility.ford_figure import plot_ford
+    from exumob.simulation.second_opinion import Outcome
 
     targets = {"--output": output, "--figure": figure, "--animate": animate}
     options = RunOptions(
@@ -159,7 +160,11 @@ def ford_command(  # one argument an option of the command line
             fail(error)
         return report_ford(result, found, targets, lambda run: plot_ford(run, crossed[0], found))
 
-    drive(options, scene, flow_of, say, reported)
+    def outcome(run: xr.Dataset) -> Outcome:
+        found = ford_report(run, crossed[0])
+        return Outcome(found.kind, found.sentence, found.last)
+
+    drive(options, scene, flow_of, say, reported, outcome)
 
 
 def _ford(  # what the options give

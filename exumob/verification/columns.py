@@ -12,8 +12,8 @@ in a channel of width w, as long as the flow beside it stays subcritical (Qi, Ea
 263). `exumob.flow.area_fractions.EDGE` is fitted to b/w = 0.2 at six cells, and by it, beside a box and a hull in a
 fast current, the rule for walls at edges was chosen. By the other cases nothing was chosen; they were computed again
 with each of three rules. Limits: 15 % at six cells to the side, 10 % at eight. At b/w = 0.4 the flow is on the verge of
-being choked, and the number is reported, and so is that of a faster current, where the flow is choked: the force is then the difference of
-what the depths upstream and downstream press, rho g b (h1^2 - h2^2) / 2 (the same).
+being choked, and the number is reported, and so is that of a faster current, where the flow is choked: the force is
+then the difference of what the depths upstream and downstream press, rho g b (h1^2 - h2^2) / 2 (the same).
 
 Columns of other sharp sections are computed at 0.5 m/s with six cells to the width across the current or to the side,
 at two places in the cells: limits of 15 % on C_D, that of a plate (a fifth as thick as wide), of a rectangle half as

@@ -12,12 +12,14 @@ from exumob import ConstantSteer, Soil, Water, simulate
 from exumob.__main__ import app
 from exumob.learning.dataset import load_run
 from exumob.simulation.result_files import load_dataset
-from exumob.simulation.second_opinion import second_opinion
+from exumob.simulation.second_opinion import Outcome, second_opinion
 from exumob.simulation.settings import time_scale, usual_speed
+from exumob.support.errors import SimulationError
 from vehicle_models.light_4x4 import light_4x4
 
 CAR = light_4x4()
 FLOW = Path(__file__).parents[2] / "data" / "cars" / "across" / "light_4x4.nc"
+FORD = Path(__file__).parents[2] / "examples" / "ford.csv"
 SAND = Soil.published("LETE sand")
 
 
@@ -84,3 +86,85 @@ def test_it_is_asked_where_no_run_was_compared(arguments, asked, tmp_path):
     answer = CliRunner().invoke(app, ["drive", *arguments, "--duration", "0.6", "--output", str(file)])
     assert answer.exit_code == 0, answer.output
     assert ("2nd opinion" in answer.output) == asked == ("second_opinion" in load_dataset(file).attrs)
+
+
+def answered(monkeypatch, run, **changes):
+    """A second opinion from a drive that ended like the run but for some changes."""
+    other = run.copy(deep=True)
+    for name, value in changes.items():
+        if name in other:
+            other[name].loc[{"body": "hull"}] += value
+        else:
+            other.attrs[name] = value
+    monkeypatch.setattr("exumob.simulation.second_opinion.simulate", lambda *_, **__: other)
+    return second_opinion(run, CAR, SAND, None, None).attrs
+
+
+@pytest.fixture(scope="module")
+def short():
+    """A drive of the car through shallow water, 2 s."""
+    return crossing(0.2, 0.5, 2.0)[0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "disagrees", "said"),
+    [
+        ({}, 0, r"it is 0 m from here \(0 % of the path\) at the end\.$"),
+        ({"position": [0.0, 0.1, 0.0]}, 0, r"0\.1 m from here"),
+        ({"position": [2.0, 0.0, 0.0]}, 1, "believe neither"),
+        ({"yaw": math.radians(15.0)}, 0, "turned 15 deg further to the left"),
+        ({"yaw": -math.radians(25.0)}, 1, "turned 25 deg further to the right. The two disagree"),
+        ({"verdict": "is stuck", "verdict_sentence": "it is stuck"}, 1, "the verdict is then: it is stuck"),
+    ],
+)
+def test_what_makes_two_models_disagree(changes, disagrees, said, short, monkeypatch):
+    found = answered(monkeypatch, short, **changes)
+    assert found["second_opinion_disagrees"] == disagrees
+    assert re.search(said, found["second_opinion"]), found["second_opinion"]
+
+
+def test_two_vehicles_that_hardly_move_agree(short, monkeypatch):
+    still = short.copy(deep=True)
+    still["position"][:] = still["position"][0]
+    found = answered(monkeypatch, still, position=[0.1 * CAR.wheelbase, 0.0, 0.0])
+    assert found["second_opinion_disagrees"] == 0 and "% of the path" not in found["second_opinion"]
+    assert answered(monkeypatch, still, position=[0.2 * CAR.wheelbase, 0.0, 0.0])["second_opinion_disagrees"] == 1
+
+
+def test_places_are_compared_where_both_runs_count(short, monkeypatch):
+    other = short.copy(deep=True)
+    other["position"][101:] += 5.0
+    monkeypatch.setattr("exumob.simulation.second_opinion.simulate", lambda *_, **__: other)
+    lasts = iter([100, 150])
+    found = second_opinion(short, CAR, SAND, None, None, outcome=lambda _: Outcome("crosses", "", next(lasts)))
+    assert found.attrs["second_opinion_disagrees"] == 0
+    assert f"after {float(short['time'][100]):.3g} s" in found.attrs["second_opinion"]
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (SimulationError("it flew away"), 0, "the published coefficients break down: it flew away"),
+        (ValueError("nothing holds it."), 0, "No second opinion: nothing holds it. The run itself"),
+        (KeyboardInterrupt(), 130, "Stopped at the second opinion; the run itself"),
+    ],
+)
+def test_a_second_opinion_that_fails_costs_nothing_of_the_run(error, code, said, tmp_path, monkeypatch):
+    def fails(*_, **__):
+        raise error
+
+    monkeypatch.setattr("exumob.simulation.second_opinion.simulate", fails)
+    file = tmp_path / "run.nc"
+    given = ["drive", "--vehicle", "light_4x4", "--depth-ratio", "0.3", "--duration", "0.6", "--output", str(file)]
+    answer = CliRunner().invoke(app, given)
+    assert answer.exit_code == code and said in " ".join(answer.output.split()), answer.output
+    assert load_dataset(file).attrs["status"] == "completed"
+
+
+def test_a_ford_is_judged_as_a_ford_by_both(tmp_path):
+    file, given = tmp_path / "ford.nc", ["--level", "99.9", "--vehicle", "small_car"]
+    answer = CliRunner().invoke(app, ["ford", str(FORD), *given, "--output", str(file)])
+    assert answer.exit_code == 0, answer.output
+    run = load_dataset(file)
+    assert run.attrs["second_opinion_disagrees"] == 0
+    assert re.search(r"% of the path\) after \d", run.attrs["second_opinion"]), run.attrs["second_opinion"]

@@ -69,7 +69,7 @@ def test_every_exported_name_is_found_and_can_be_pickled(package):
     assert set(module.__all__) <= set(dir(module))
     for name in module.__all__:
         thing = getattr(module, name)
-        assert name == "__version__" or thing.__name__ == name and pickle.loads(pickle.dumps(thing)) is thing
+        assert name == "__version__" or (thing.__name__ == name and pickle.loads(pickle.dumps(thing)) is thing)
         assert vars(module)[name] is thing  # found at once from now on
 
 
