@@ -129,10 +129,11 @@ def repeatability(table: xr.Dataset) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def elsewhere(table: xr.Dataset) -> dict[str, Any]:
+def elsewhere(table: xr.Dataset, later: xr.Dataset) -> dict[str, Any]:
     """Where coefficients end from the flow in the loop for other vehicles: least and largest share [-].
 
-    The calibrated ones are those that were fitted without the vehicle that is judged.
+    Those of the lane changes are for calibrated coefficients that were fitted without the vehicle that is judged. Of
+    the drives that were made later, in other water, the waters are told, too.
     """
     others = [name for name in table["run"].values if "/" not in name]
     final = 0.01 * table["final"].sel(run=others)
@@ -143,8 +144,19 @@ def elsewhere(table: xr.Dataset) -> dict[str, Any]:
     return {
         "source": "studies/figures/calibrate_coefficients.nc (python studies/calibrate_coefficients.py)",
         "vehicles": [str(name) for name in others], "depth_ratio": DEPTH, "current_speed": CURRENT,
-        **{name: [float(f"{end:.2g}") for end in (found.min(), found.max())] for name, found in ends.items()},
+        **{name: _ends(found) for name, found in ends.items()},
+        "later": {
+            "source": "studies/figures/calibrated_later.nc (python studies/calibrate_coefficients.py --later)",
+            "vehicle": "light 4x4", "drives": later.sizes["run"],
+            **{name: _ends(later[name]) for name in ("depth_ratio", "current")},
+            **{name: _ends(0.01 * later["final"].sel(model=name)) for name in ends},
+        },
     }  # fmt: skip
+
+
+def _ends(found: Any) -> list[float]:
+    """Least and largest of some ends."""
+    return [float(f"{end:.2g}") for end in (found.min(), found.max())]
 
 
 def validated(text: str) -> dict[str, Any]:
@@ -208,7 +220,9 @@ def main(quick: bool = False) -> dict[str, Any]:
         ),
         "dry": {} if quick else dry(vehicle),
         "flow": repeatability(load_dataset(FIGURES / "cfd_lane_change.nc")),
-        "elsewhere": elsewhere(load_dataset(FIGURES / "calibrate_coefficients.nc")),
+        "elsewhere": elsewhere(
+            *(load_dataset(FIGURES / f"{name}.nc") for name in ("calibrate_coefficients", "calibrated_later"))
+        ),
         **validated(VALIDATION.read_text()),
     }  # fmt: skip
     if not quick:

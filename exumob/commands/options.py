@@ -79,8 +79,9 @@ class PanelCommand(TyperCommand):
             flags = getattr(error.param, "opts", [])
             given = next((text for flag in flags if (text := _value_of(flag, words)) is not None), None)
             if given is not None and "unable to parse" in error.message:
-                kind = "whole number" if "integer" in error.message else "number"
-                error.message = f"{visible(given)!r} is not a {kind}; give it without its unit (--help names that)."
+                whole = "integer" in error.message
+                kind, remedy = ("whole number", "such as 2") if whole else ("number", "without its unit, see --help")
+                error.message = f"'{visible(given)}' is not a {kind}; give one {remedy}."
             raise
 
     def invoke(self, ctx: Any) -> Any:

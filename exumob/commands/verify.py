@@ -213,7 +213,7 @@ def print_cases(cases: Sequence[Case]) -> None:
             table.add_row(case.name, spelled_time(60.0 * case.minutes), "slow" if case.slow else "", case.about)
         console.print(table)
     console.print("\nTimes are for one idle core and the default options. Slow cases run with --slow, or by name.")
-    console.print("They leave out compiling the flow solver, which takes two to three minutes once.")
+    console.print("They leave out compiling the flow solver, which takes two to four minutes once.")
 
 
 def report(found: Sequence[tuple[str, Check]], broken: Sequence[str]) -> None:

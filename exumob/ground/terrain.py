@@ -225,7 +225,7 @@ class Terrain(Declared):
 
     @cached_property
     def largest_slope(self) -> float:
-        """Largest slope of the plane and of the field's squares between four points, about their mid-points [rad]."""
+        """Largest slope of plane and field together, in the middles of the squares between four points [rad]."""
         rise_x, rise_y = self.slope_x, self.slope_y
         if self.heights is not None:
             field, (dx, dy) = np.asarray(self.heights, dtype=float), self._steps

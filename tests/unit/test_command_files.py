@@ -182,14 +182,21 @@ def test_every_command_with_a_current_takes_unusual_values():
             assert "--unusual" in options and options & {"--current-direction", "--directions"}, name
 
 
-@pytest.mark.parametrize("option", [("--current", "0:16"), ("--depth", "0.005:0.5"), ("--cell-size", "1.5")])
-def test_unusual_ranges_to_learn_get_as_far_as_their_drives(option, monkeypatch):
+@pytest.mark.parametrize(
+    ("option", "reached"),
+    [
+        (("--current", "0:16"), "7 waters"),
+        (("--depth", "0.005:0.5"), "7 waters"),
+        (("--cell-size", "1.5"), "makes 1.0 cells along z"),
+    ],
+)
+def test_unusual_ranges_to_learn_get_as_far_as_their_grid_and_drives(option, reached, monkeypatch):
     def drives(vehicle, waters, progress=None):
         raise ValueError(f"{len(waters)} waters")
 
     monkeypatch.setattr("exumob.learning.envelope.envelope_of", drives)
     answer = call("learn", "--plan", "--unusual", *option)
-    assert answer.exit_code == 2 and "7 waters" in answer.output, answer.output
+    assert answer.exit_code == 2 and reached in answer.output, answer.output
     answer = call("learn", "--plan", *option)
     assert answer.exit_code == 2 and option[0] in answer.output and "outside the plausible range" in answer.output
 

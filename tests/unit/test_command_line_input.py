@@ -52,8 +52,8 @@ def lane_change(*arguments):
     [
         (["drive", "--depth", "80cm"], "'--depth': '80cm' is not a number"),
         (["drive", "--depth=80 cm"], "'--depth': '80 cm' is not a number"),
-        (["learn", "--jobs", "2.5"], "'--jobs': '2.5' is not a whole number"),
-        (["captive", "--threads", "\x1b[31mred"], "'\\\\x1b[31mred' is not a whole number"),
+        (["learn", "--jobs", "2.5"], "'--jobs': '2.5' is not a whole number; give one such as 2."),
+        (["captive", "--threads", "\x1b[31mred"], "'\\x1b[31mred' is not a whole number"),
     ],
 )
 def test_what_is_no_number_is_shown(arguments, said):

@@ -127,9 +127,12 @@ def test_calibrated_coefficients_count_on_all_runs_and_say_to_how_many_they_were
     other = trust_of(replace(run, vehicle=OTHER))
     assert other.status == "not validated" and "this vehicle (light 4x4) is not the one that was compared" in other.line
     for name, one in (("calibrated", other), ("coefficients", trust_of(replace(COEFFICIENTS, vehicle=OTHER)))):
-        low, high = measured_errors()["elsewhere"][name]
+        others = measured_errors()["elsewhere"]
+        low, high = others[name]
         assert "(light 4x4, large 4x4, small car; 50 % depth, a head" in one.line
-        assert f"by Froude's law): {100 * low:.2g} to {100 * high:.2g} % of the path away." in one.line
+        assert f"by Froude's law): {100 * low:.2g} to {100 * high:.2g} % of the path away; 5 drives of" in one.line
+        low, high = others["later"][name]
+        assert f"up to 2.8 m/s, also from the side and behind): {100 * low:.2g} to {100 * high:.2g} %. For" in one.line
     own = replace(run, hydrodynamics=CalibratedHydrodynamics(Coefficients(hull_surge_drag=1.0)))
     assert "coefficients of your own" in trust_of(own).line
 
@@ -582,7 +585,9 @@ def test_figures_of_other_pages_are_still_those_of_the_table():
     assert {name: table[name] for name in found} == json.loads(json.dumps(found))
     figures = ROOT / "studies" / "figures"
     assert table["flow"] == study.repeatability(load_dataset(figures / "cfd_lane_change.nc"))
-    assert table["elsewhere"] == study.elsewhere(load_dataset(figures / "calibrate_coefficients.nc"))
+    assert table["elsewhere"] == study.elsewhere(
+        *(load_dataset(figures / f"{name}.nc") for name in ("calibrate_coefficients", "calibrated_later"))
+    )
     with pytest.raises(ValueError, match="no longer holds"):
         study.validated("nothing")
 

@@ -34,7 +34,8 @@ def _too_steep(runs: Sequence[RunDescription]) -> str:
         return ""
     return (
         f" The ground is up to {math.degrees(slope):.0f} deg steep, and {soil.name or 'this soil'} stands to "
-        f"{math.degrees(soil.friction_angle):.0f} deg by its friction: steeper parts may slide."
+        f"{math.degrees(soil.friction_angle):.0f} deg by its friction alone, without its cohesion: steeper parts may "
+        "slide."
     )
 
 
