@@ -127,29 +127,28 @@ def learn_command(  # one argument an option of the command line
                 cell_size = CELLS * car.wheel.diameter
             size = CELL_SIZE.check("--cell-size", Unusual(cell_size) if unusual else cell_size)
             _check_numbers(budget, run_time)
-        from exumob.learning.campaign import ABOUT, LearningFolder
+        from exumob.learning.campaign import LearningFolder
 
-        if plan and output is not None and (output / ABOUT).is_file():
-            LearningFolder(output).require_free(car, size)
+        if output is not None:
+            folder = LearningFolder(output)
+            folder.require_free(car, size)
         if not plan:
             from exumob.learning.learn import learn_from  # noqa: F401  (without torch this is said before anything runs)
 
-            assert output is not None
-            folder = LearningFolder(output)
+            assert folder is not None
             folder.claim(car, size)
             folder.load(mixed, car)  # what others have put there is refused before anything is computed
         with option_names():
             require_budget(car, wanted, budget, size, run_time=run_time)
-        envelope = _envelope(car, wanted, output if output is not None else Path())
-        if output is not None:
-            output.mkdir(parents=True, exist_ok=True)
-            keep_envelope(envelope, car, wanted, output)
+        envelope = _envelope(car, wanted, Path() if folder is None else folder.path)
+        if folder is not None:
+            keep_envelope(envelope, car, wanted, folder.path)
         with option_names():
             chosen = PRESETS[WHOLE_RANGE if preset is None else preset]
             made = make_plan(car, wanted, budget, size, envelope, seeds=seeds, preset=chosen, run_time=run_time)
         for line in made.lines(side_by_side):
             console.print(line, soft_wrap=True)
-        if folder is None:
+        if plan or folder is None:
             return
     except (ValueError, OSError) as error:
         fail(error)

@@ -388,7 +388,7 @@ def require_budget(
 ) -> None:
     """Refuse a budget that does not even buy the least drives, before those that give the envelope are made.
 
-    The least captive runs cost about as much each; what they take exactly, `make_plan` tells.
+    The least captive runs are taken to cost as much each, and a tenth more is asked for; `make_plan` tells exactly.
 
     Parameters
     ----------
@@ -408,7 +408,7 @@ def require_budget(
     if budget is not None and price > budget:
         runs = LEAST_DRIVES + BESIDE
         more, seconds = runs / len(least), sum(task.duration for task in least)
-        _refuse_budget(runs, more * seconds, more * price, budget, cell_size)
+        _refuse_budget(runs, more * seconds, more * price, budget, cell_size, "about ", 1.1)
 
 
 def _run_time(vehicle: Vehicle, run_time: float | None) -> tuple[float, float]:
@@ -424,14 +424,16 @@ def _run_time(vehicle: Vehicle, run_time: float | None) -> tuple[float, float]:
     return run_time / usual, run_time
 
 
-def _refuse_budget(runs: int, seconds: float, price: float, budget: float, cell_size: float) -> None:
-    """Raise ValueError: say what the budget would buy, and what would do."""
+def _refuse_budget(
+    runs: int, seconds: float, price: float, budget: float, cell_size: float, about: str = "", reserve: float = 1.0
+) -> None:  # fmt: skip
+    """Raise ValueError: say what the budget would buy, and what would do, about: with a reserve."""
     bought = budget / price * seconds
     coarser = cell_size * (price / budget) ** 0.25  # cells go with the cube of their size, steps with its inverse
     raise ValueError(
         f"make_plan.budget = {budget:g} h buys about {bought:.2g} s of flow on cells of {1e3 * cell_size:.3g} mm, and "
-        f"{seconds:.0f} s ({runs} runs) are the least from which networks can be learnt and tried; give "
-        f"{math.ceil(100.0 * price) / 100.0:g} h, or a cell_size of about {coarser:.2g} m, which loses more."
+        f"{seconds:.0f} s ({runs} runs) are the least from which networks can be learnt and tried; give {about}"
+        f"{math.ceil(100.0 * reserve * price) / 100.0:g} h, or a cell_size of about {coarser:.2g} m, which loses more."
     )
 
 

@@ -14,7 +14,7 @@ from made_up_learning import ENVELOPE
 
 from exumob import ConstantSteer, Soil, load_vehicle, simulate
 from exumob.learning.dataset import load_run
-from exumob.simulation.result_files import save_dataset
+from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.support.measured import measured_errors
 from exumob.surrogates.model import shipped_networks
 from exumob.surrogates.networks import Architecture, NetworkSet
@@ -96,6 +96,21 @@ def test_training_data_study_packs_a_run():
     result = load_study("generate_training_data").main(quick=True)
     assert list(result["scenario"].values) == ["D40/U0"]
     assert float(result["size"][0]) > 0.05
+
+
+def test_committed_runs_are_those_of_their_plans():
+    """Named by all that they are made from; those of the 4x4 are not all made yet."""
+    study = load_study("calibrate_coefficients")
+    folder = study.FULL_RANGE_RUNS / "runs"
+    assert {file.stem for file in folder.glob("*.nc")} == {task.name for task in study.full_range_plan().tasks}
+    assert len(study.later_runs()) == 5  # each has a task of its plan
+
+
+def test_page_gives_the_drives_that_were_made_after_the_fit():
+    study = load_study("calibrate_coefficients")
+    rows = study.later_lines(load_dataset(ROOT / "studies" / "figures" / "calibrated_later.nc")).splitlines()[2:]
+    page = (ROOT / "docs" / "studies" / "calibrate_coefficients.md").read_text()
+    assert len(rows) == 5 and all(row.split("|", 2)[2] in page for row in rows)
 
 
 def test_networks_of_the_whole_range_end_near_a_drive_kept_apart():

@@ -4,6 +4,7 @@ import itertools
 import json
 import math
 import os
+import re
 import time
 from dataclasses import replace
 
@@ -17,7 +18,7 @@ from exumob.__main__ import app
 from exumob.learning import campaign
 from exumob.learning.campaign import LearningFolder, captive_histories
 from exumob.learning.dataset import check_run
-from exumob.learning.drives import FASTEST, HIGHEST, SOILS, STEERING, maneuver_name, teaching_drive
+from exumob.learning.drives import DECIMALS, FASTEST, HIGHEST, SOILS, STEERING, maneuver_name, teaching_drive
 from exumob.learning.envelope import envelope_key, keep_envelope, stored_envelope
 from exumob.learning.plan import (
     APART,
@@ -166,8 +167,10 @@ def test_a_budget_too_small_is_refused_with_what_it_buys():
 
 def test_a_hopeless_budget_is_refused_before_any_drive_and_no_other():
     """What the drives alone cost is known without the envelope; a budget that buys a plan passes."""
-    with pytest.raises(ValueError, match=r"budget = 0.01 h buys about .* \(7 runs\) are the least .* give 0\.\d+ h"):
+    with pytest.raises(ValueError, match=r"budget = 0.01 h buys about .* \(7 runs\) are the least") as refused:
         require_budget(CAR, WANTED, 0.01, 0.045)
+    advised = re.search(r"give about (0\.\d+) h", str(refused.value))
+    make_plan(CAR, WANTED, float(advised[1]), 0.045, ENVELOPE)  # buys a plan
     require_budget(CAR, WANTED, None, 0.045)
     for budget in np.geomspace(0.02, 0.4, 12):
         try:
@@ -258,6 +261,23 @@ def test_a_plan_looks_whose_the_folder_is(tmp_path):
     answer = CliRunner().invoke(app, ["learn", "--cell-size", "0.04", "--plan", "--output", str(tmp_path)])
     assert answer.exit_code == 2 and "holds runs on cells of 0.05 m, and --cell-size is 0.04 m" in answer.output
     assert folder.about()["cell_size"] == 0.05
+
+
+def test_a_plan_refuses_a_folder_that_cannot_be_one_before_any_drive(tmp_path, monkeypatch):
+    monkeypatch.setattr("exumob.learning.envelope.envelope_of", lambda *_, **__: pytest.fail("drives were made"))
+    (tmp_path / "taken").touch()
+    for name, said in (("plan.csv", "this is to be a folder"), ("taken", "cannot be made"), ("taken/in", "cannot be")):
+        answer = CliRunner().invoke(app, ["learn", "--plan", "--output", str(tmp_path / name)])
+        assert answer.exit_code == 2 and said in answer.output, answer.output
+
+
+def test_drives_that_teach_are_the_same_on_every_processor():
+    """Whatever the last digits of its sines: else a folder of runs would begin anew on another machine."""
+    for number in range(8):
+        drive = teaching_drive(CAR, number, 8.0)
+        for name in ("time", "steering", "wheel_speed"):
+            values = np.array(drive.parameters[name])
+            assert (values == np.round(values, DECIMALS)).all() and not np.signbit(values[values == 0.0]).any()
 
 
 def test_runs_of_two_solvers_are_refused_unless_said_and_runs_of_others_join(captive, tmp_path):

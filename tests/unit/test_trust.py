@@ -132,7 +132,7 @@ def test_calibrated_coefficients_count_on_all_runs_and_say_to_how_many_they_were
         assert "(light 4x4, large 4x4, small car; 50 % depth, a head" in one.line
         assert f"by Froude's law): {100 * low:.2g} to {100 * high:.2g} % of the path away; 5 drives of" in one.line
         low, high = others["later"][name]
-        assert f"up to 2.8 m/s, also from the side and behind): {100 * low:.2g} to {100 * high:.2g} %. For" in one.line
+        assert f"up to 2.8 m/s, also from the side and behind) {100 * low:.2g} to {100 * high:.2g} %. For" in one.line
     own = replace(run, hydrodynamics=CalibratedHydrodynamics(Coefficients(hull_surge_drag=1.0)))
     assert "coefficients of your own" in trust_of(own).line
 

@@ -103,8 +103,9 @@ def elsewhere_off(name: str) -> str:
         f"of other vehicles one lane change each was compared{how} ({', '.join(others['vehicles'])}; "
         f"{100.0 * others['depth_ratio']:.0f} % depth, a head current of {others['current_speed']:g} m/s of the "
         f"{measured_vehicle()} vehicle by Froude's law): {percents(*others[name])} of the path away; "
-        f"{later['drives']} drives of the {later['vehicle']} in other water (depth ratio {span(*later['depth_ratio'])}, "
-        f"currents of up to {later['current'][1]:g} m/s, also from the side and behind): {percents(*later[name])}"
+        f"{later['drives']} drives of the {later['vehicle']} in other water (depth ratio "
+        f"{span(*later['depth_ratio'])}, currents of up to {later['current'][1]:g} m/s, also from the side and behind) "
+        f"{percents(*later[name])}"
     )
 
 
