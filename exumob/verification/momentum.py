@@ -65,14 +65,17 @@ def water_momentum(solver: FlowSolver) -> float:
 
 def wall_force(solver: FlowSolver) -> float:
     """Force of the two end walls of a tank with cubic cells on the water, along x [N]."""
-    size, z_faces = np.diff(solver.grid.x_faces)[0], solver.grid.z_faces
-    z = centers(z_faces)
-    at_walls, level = solver.pressure[:, :, [0, -1]], solver.surface_height()[:, [0, -1]]
+    return push(solver, 0) - push(solver, -1)
+
+
+def push(solver: FlowSolver, column: int) -> float:
+    """Force of the water on an end wall, beside whose column of cells, the first or the last, cells are cubes [N]."""
+    size = float(np.diff(solver.grid.z_faces)[0])
+    pressure, level = solver.pressure[:, :, column], solver.surface_height()[:, column]
     top = np.floor(level / size)  # in the surface cell the pressure is hydrostatic below the level
-    inside = z[None, :, None] < size * top[:, None, :]
-    force = np.sum(np.where(inside, at_walls, 0.0), axis=1) * size
-    force += 0.5 * 1000.0 * GRAVITY * (level - size * top) ** 2
-    return float(size * np.sum(force[:, 0] - force[:, 1]))
+    inside = centers(solver.grid.z_faces) < size * top[:, None]
+    force = np.sum(np.where(inside, pressure, 0.0), axis=1) * size + 500.0 * GRAVITY * (level - size * top) ** 2
+    return size * float(np.sum(force))
 
 
 class Breaking(NamedTuple):
