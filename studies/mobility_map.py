@@ -57,7 +57,8 @@ class PrintedProgress:
         """Print a line, if 20 runs more have ended."""
         if (name, reached.done // 20) != self.printed:
             self.printed = (name, reached.done // 20)
-            print(f"{name}: {reached.done} of {reached.total}, {reached.left / 60.0:.0f} minutes left", flush=True)
+            left = "" if math.isnan(reached.left) else f", {reached.left / 60.0:.0f} minutes left"
+            print(f"{name}: {reached.done} of {reached.total}{left}", flush=True)
 
 
 def refinement(crossing: Crossing, folder: Path, levels: int, workers: int) -> dict[str, float]:
