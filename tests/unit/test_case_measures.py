@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from exumob.support.constants import GRAVITY
-from exumob.verification.bores import belanger, front_of, stoker
+from exumob.verification.bores import DURATIONS, belanger, front_of, moving_jump, stoker
 from exumob.verification.dam_breaks import ARRIVAL, IMPULSE_END, arrival, fitted_faces, impulse, martin_moyce, spheric2
 from exumob.verification.measures import extremes, fitted_oscillation, observed_order
 
@@ -63,6 +63,14 @@ def test_a_dam_break_over_water_joins_bore_and_rarefaction():
     assert speed * 0.04 == pytest.approx((speed - behind) * depth)
     assert 0.5 * GRAVITY * (depth**2 - 0.04**2) == pytest.approx(0.04 * speed * behind)
     assert behind + 2.0 * math.sqrt(GRAVITY * depth) == pytest.approx(2.0 * math.sqrt(GRAVITY * 0.4))
+
+
+@pytest.mark.parametrize("froude", DURATIONS)
+def test_a_jump_that_is_followed_too_shortly_is_refused(froude):
+    with pytest.raises(ValueError, match=r"moving_jump\.duration = 0\.5 s is too short.* give \d"):
+        moving_jump(froude, duration=0.5)
+    front, deep, _ = belanger(froude, 0.1)
+    assert DURATIONS[froude] > 8.0 * deep / front
 
 
 def test_front_is_the_last_place_as_high():
