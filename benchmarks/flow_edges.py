@@ -24,7 +24,7 @@ STARTING, BLOCK, STEP = 300, 10, 1e-3
 
 
 def main(cell_size=0.028, blocks=20):
-    """Print the ratio of the times of a step, and of the iterations of the pressure."""
+    """Print the times of a step, and their ratio."""
     vehicle = amphibious_vehicle()
     solvers = []
     for sharp in (True, False):

@@ -215,9 +215,11 @@ def later_lines(found: xr.Dataset) -> str:
         for model in models:
             drag, side, final = (float(one[kind].sel(model=model)) for kind in ("drag", "side", "final"))
             end = "" if math.isnan(final) else f", {float(f'{final:.2g}'):g} %"
-            cells.append(f"{drag:.0f} N, {side:.0f} N{end}")
-        water = f"{100.0 * float(one['depth_ratio']):.0f} %, {float(one['current']):.3g} m/s"
-        rows.append(f"| {water}, {_whence(float(one['origin']))} | {' | '.join(cells)} |")
+            cells.append(f"{round(drag)} N, {round(side)} N{end}")
+        current = (
+            f"{float(one['current']):.3g} m/s, {_whence(float(one['origin']))}" if one["current"] > 0.0 else "still"
+        )
+        rows.append(f"| {100.0 * float(one['depth_ratio']):.0f} %, {current} | {' | '.join(cells)} |")
     return "\n".join(rows)
 
 
@@ -225,7 +227,8 @@ def _whence(angle: float) -> str:
     """Whence a current comes: an angle from ahead on to the right [deg]."""
     if abs(angle) < 1.0 or abs(angle) > 179.0:
         return "ahead" if abs(angle) < 1.0 else "behind"
-    return f"{abs(angle):.0f} deg {'right' if angle > 0.0 else 'left'}"
+    side = "right" if angle > 0.0 else "left"
+    return side if abs(abs(angle) - 90.0) < 1.0 else f"{abs(angle):.0f} deg {side} of ahead"
 
 
 def table(found: Mapping[str, Mapping[str, Mapping[str, float]]]) -> xr.Dataset:

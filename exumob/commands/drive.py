@@ -166,8 +166,8 @@ def drive_command(  # one argument an option of the command line
     Along waypoints through a river: exumob drive --path line.csv --river river.nc --start-x 120 --start-y 40 --heading
     90. For the question whether a vehicle can cross: exumob ford.
 
-    Where no run like it was compared with the flow in the loop, it is driven once more with the published coefficients,
-    and the line "2nd opinion" says how far the two are apart.
+    With networks or calibrated coefficients, where no run like it was compared with the flow in the loop, it is driven
+    once more with the published coefficients, and the line "2nd opinion" says how far the two are apart.
     """
     water = _WaterGiven(depth_ratio, depth, level, discharge, river is not None, section is not None)
     targets = {"--output": output, "--figure": figure, "--animate": animate}

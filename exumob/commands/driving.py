@@ -24,7 +24,6 @@ from exumob.commands.options import (
 from exumob.commands.report import report_run
 from exumob.commands.shared import check_targets, errors, fail, simulated_time_bar, whatever_was_computed
 from exumob.simulation.settings import RECORD_STEP, SETTINGS, setting_named
-from exumob.support.errors import SimulationError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -292,11 +291,11 @@ def drive(
     if options.members and not code:
         assert isinstance(model, SurrogateHydrodynamics)
         result, code = _beside(
-            result, "members", scene, lambda advance: add_members(result, *given, model, progress=advance, **steps)
+            result, "members", scene, 1, lambda advance: add_members(result, *given, model, progress=advance, **steps)
         )
     if not code and _is_doubtful(result, model):
         result, code = _beside(
-            result, "second opinion", scene,
+            result, "second opinion", scene, 0,
             lambda advance: second_opinion(result, *given, outcome=outcome, progress=advance, **steps),
         )  # fmt: skip
     if code and options.checkpoint is not None and options.checkpoint.exists():
@@ -307,7 +306,7 @@ def drive(
 
 
 def _beside(
-    result: xr.Dataset, what: str, scene: Scene, more: Callable[[Callable[[float], None]], xr.Dataset]
+    result: xr.Dataset, what: str, scene: Scene, failed: int, more: Callable[[Callable[[float], None]], xr.Dataset]
 ) -> tuple[xr.Dataset, int]:
     """Add to a finished run what further drives say; return it, or if they fail the run as it was, and an exit code."""
     try:
@@ -316,9 +315,10 @@ def _beside(
     except KeyboardInterrupt:
         errors.print(f"Stopped at the {what}; the run itself, which is whole, follows.", style="yellow")
         return result, 130
-    except (ValueError, ArithmeticError, OSError, MemoryError, SimulationError) as error:
-        errors.print(f"No {what}: {error} The run itself, which is whole, follows.", style="yellow", soft_wrap=True)
-        return result, 0
+    except Exception as error:  # whatever it is: what was computed is not lost by what is added to it
+        said = f"{type(error).__name__}: {error}".rstrip(". ")
+        errors.print(f"No {what} ({said}). The run itself, which is whole, follows.", style="yellow", soft_wrap=True)
+        return result, failed
 
 
 def _is_doubtful(result: xr.Dataset, model: Hydrodynamics) -> bool:

@@ -111,8 +111,9 @@ def ford_command(  # one argument an option of the command line
     """Can my vehicle cross here? Drive it through a ford that is known by its cross-section, and report.
 
     The vehicle starts with its bow half its length before the water's edge; its driver keeps to the path. It has
-    crossed once all of it is past the far edge. Where no run like it was compared with the flow in the loop, it is
-    driven once more with the published coefficients, and the line "2nd opinion" says how far the two are apart.
+    crossed once all of it is past the far edge. With networks or calibrated coefficients, where no run like it was
+    compared with the flow in the loop, it is driven once more with the published coefficients, and the line "2nd
+    opinion" says how far the two are apart.
 
     Example: exumob ford section.csv --depth 0.3 --vehicle car.py --figure ford.png
     """

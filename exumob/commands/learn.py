@@ -127,28 +127,32 @@ def learn_command(  # one argument an option of the command line
                 cell_size = CELLS * car.wheel.diameter
             size = CELL_SIZE.check("--cell-size", Unusual(cell_size) if unusual else cell_size)
             _check_numbers(budget, run_time)
-        from exumob.learning.campaign import LearningFolder
+        from exumob.learning.campaign import ABOUT, LearningFolder
+        from exumob.support.files import require_possible_folder
 
         if output is not None:
-            folder = LearningFolder(output)
-            folder.require_free(car, size)
+            require_possible_folder("--output", output)
+            if (output / ABOUT).is_file():
+                LearningFolder(output).require_free(car, size)
         if not plan:
             from exumob.learning.learn import learn_from  # noqa: F401  (without torch this is said before anything runs)
 
-            assert folder is not None
+            assert output is not None
+            folder = LearningFolder(output)
             folder.claim(car, size)
             folder.load(mixed, car)  # what others have put there is refused before anything is computed
         with option_names():
             require_budget(car, wanted, budget, size, run_time=run_time)
-        envelope = _envelope(car, wanted, Path() if folder is None else folder.path)
-        if folder is not None:
-            keep_envelope(envelope, car, wanted, folder.path)
+        envelope = _envelope(car, wanted, Path() if output is None else output)
+        if output is not None:
+            output.mkdir(parents=True, exist_ok=True)
+            keep_envelope(envelope, car, wanted, output)
         with option_names():
             chosen = PRESETS[WHOLE_RANGE if preset is None else preset]
             made = make_plan(car, wanted, budget, size, envelope, seeds=seeds, preset=chosen, run_time=run_time)
         for line in made.lines(side_by_side):
             console.print(line, soft_wrap=True)
-        if plan or folder is None:
+        if folder is None:
             return
     except (ValueError, OSError) as error:
         fail(error)

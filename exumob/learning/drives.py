@@ -37,8 +37,8 @@ HIGHEST, SINES, PERIOD = 0.6, 8, 32.0
 """Highest frequency of its steering, times `time_scale` [Hz], most sines in it, and the time after which they repeat
 themselves, over `time_scale` [s]."""
 DECIMALS = 6
-"""To which times, angles and speeds of its maneuver are rounded, so that each processor plans the same drive: a run has
-its name from all that it is made from, and would be made anew on another one."""
+"""To which times, angles and speeds of its maneuver are rounded: the last digits of sines differ from one processor to
+another, and a run, which has its name from all that it is made from, would be made anew there."""
 PHASES = 24
 """Sets of phases that are drawn; drives of other numbers take them again."""
 TURNING = 0.4

@@ -84,10 +84,12 @@ def second_opinion(
             vehicle, soil, water, maneuver, CoefficientHydrodynamics(), progress=progress, **options
         )  # fmt: skip
     except SimulationError as error:
-        return result.assign_attrs(
-            second_opinion=f"the published coefficients break down: {error}", second_opinion_away=math.nan,
-            second_opinion_disagrees=1,
-        )  # fmt: skip
+        if error.result is None or error.result.sizes["time"] < 2:
+            return result.assign_attrs(
+                second_opinion=f"the published coefficients break down: {error}", second_opinion_away=math.nan,
+                second_opinion_disagrees=1,
+            )  # fmt: skip
+        other = error.result  # whose outcome says that it broke down, if it did before it counts no more
     found = [outcome(run) for run in (result, other)]
     last = min(one.last for one in found)
     paths = [run["position"].sel(body="hull").values[: last + 1, :2] for run in (result, other)]

@@ -173,6 +173,32 @@ def require_folder_name(name: str, folder: str | Path) -> None:
         )
 
 
+def require_possible_folder(name: str, folder: str | Path) -> None:
+    """Refuse a folder that cannot be made, or not written, without making it.
+
+    Parameters
+    ----------
+    name : str
+        What names the folder, for the message: an argument or an option.
+    folder : str or Path
+
+    Raises
+    ------
+    ValueError
+        As in `require_folder_name`; if it is a file or below one, or may not be written.
+    """
+    require_folder_name(name, folder)
+    path = Path(folder)
+    there = next(place for place in (path, *path.absolute().parents) if place.exists())
+    try:
+        probe_folder(there, 1)
+    except OSError as error:
+        raise ValueError(
+            f"{name} {path}: the folder cannot be made or written ({error.strerror or error}); give one in which you "
+            "may write."
+        ) from None
+
+
 def require_ending(name: str, file: str | Path, endings: Sequence[str]) -> None:
     """Refuse the name of a file whose ending does not say what will be in it.
 

@@ -10,7 +10,7 @@ like has no part in it.
   Fr = (u1 + c) / sqrt(g h1), it runs back at c, u1 h1 = c (h2 - h1). Limits: depth and speed 3 %; momentum 1 %, that
   is the impulse of the wall beside what all the water lost of its momentum. The run starts with a ramp as long as a
   jump's roller, which holds the water that passes through the front. Water sloshes between wall and front all the
-  same: measured over a few seconds depth and speed are off by 5 to 10 %.
+  same: at a Froude number of 2.25 the speed over three seconds is off by up to 12 %.
 """
 
 from __future__ import annotations
@@ -95,7 +95,18 @@ def belanger(froude: float, depth: float) -> tuple[float, float, float]:
 
 @checked
 def wet_dam_break(cells: Cells = 20.0, duration: Duration = 2.4) -> Bore:
-    """Dam break over water in a two-dimensional tank 12 m long; `cells` to the depth of the reservoir."""
+    """Dam break over water in a two-dimensional tank 12 m long; `cells` to the depth of the reservoir.
+
+    Raises
+    ------
+    ValueError
+        If there is no water of uniform depth yet, or the bore gets to the end of the tank.
+    """
+    if not 1.9 <= duration <= 3.3:
+        raise ValueError(
+            f"wet_dam_break.duration = {duration:g} s leaves no water of uniform depth, or the bore meets the end of "
+            "the tank; give 1.9 to 3.3 s."
+        )
     size = RESERVOIR / cells
     grid = Grid.uniform((0.0, 0.0, 0.0), (12.0, 4 * size, 1.5 * RESERVOIR), size)
     x, dam = centers(grid.x_faces), 5.0
@@ -208,7 +219,7 @@ DURATIONS = {2.25: 14.0, 3.6: 10.0, 5.0: 8.0}
 
 @checked
 def check_jump(froude: float) -> list[Check]:
-    """Speed of the front and depth behind it within 3 %, momentum within 1 %."""
+    """Speed of the front and depth behind it within 3 %, momentum within 1 %, at a Froude number of `DURATIONS`."""
     front, deep, _ = belanger(froude, SHALLOW)
     found = moving_jump(froude, duration=DURATIONS[froude])
     name = f"jump, Froude number {froude:g}"

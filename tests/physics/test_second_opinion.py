@@ -145,7 +145,9 @@ def test_places_are_compared_where_both_runs_count(short, monkeypatch):
     ("error", "code", "said"),
     [
         (SimulationError("it flew away"), 0, "the published coefficients break down: it flew away"),
-        (ValueError("nothing holds it."), 0, "No second opinion: nothing holds it. The run itself"),
+        (ValueError("nothing holds it."), 0, "No second opinion (ValueError: nothing holds it). The run itself"),
+        (RuntimeError("no memory"), 0, "No second opinion (RuntimeError: no memory). The run itself"),
+        (KeyError("yaw"), 0, "No second opinion (KeyError: 'yaw'). The run itself"),
         (KeyboardInterrupt(), 130, "Stopped at the second opinion; the run itself"),
     ],
 )

@@ -269,6 +269,9 @@ def test_a_plan_refuses_a_folder_that_cannot_be_one_before_any_drive(tmp_path, m
     for name, said in (("plan.csv", "this is to be a folder"), ("taken", "cannot be made"), ("taken/in", "cannot be")):
         answer = CliRunner().invoke(app, ["learn", "--plan", "--output", str(tmp_path / name)])
         assert answer.exit_code == 2 and said in answer.output, answer.output
+    answer = CliRunner().invoke(app, ["learn", "--plan", "--output", str(tmp_path / "new"), "--budget", "0.01"])
+    assert answer.exit_code == 2 and "--budget = 0.01 h" in answer.output, answer.output
+    assert not (tmp_path / "new").exists()
 
 
 def test_drives_that_teach_are_the_same_on_every_processor():

@@ -99,13 +99,14 @@ def elsewhere_off(name: str) -> str:
     others = measured_errors()["elsewhere"]
     later = others["later"]
     how = ", each with coefficients fitted without that vehicle" if name == "calibrated" else ""
+    shipped = " (its lane change is among what they were fitted to)" if name == "calibrated" else ""
     return (
         f"of other vehicles one lane change each was compared{how} ({', '.join(others['vehicles'])}; "
         f"{100.0 * others['depth_ratio']:.0f} % depth, a head current of {others['current_speed']:g} m/s of the "
         f"{measured_vehicle()} vehicle by Froude's law): {percents(*others[name])} of the path away; "
         f"{later['drives']} drives of the {later['vehicle']} in other water (depth ratio "
         f"{span(*later['depth_ratio'])}, currents of up to {later['current'][1]:g} m/s, also from the side and behind) "
-        f"{percents(*later[name])}"
+        f"{percents(*later[name])}{shipped}"
     )
 
 
