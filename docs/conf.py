@@ -148,7 +148,7 @@ def exported_names(app):
     """Write the tables of what packages export, with links to the modules where that is defined."""
     for package in ("exumob", "exumob.towing_tank", "exumob.flow", "exumob.sweeps"):
         module = importlib.import_module(package)
-        objects = [getattr(module, name) for name in module.__all__]
+        objects = [getattr(module, name) for name in module.__all__ if not name.startswith("_")]
         names = [f"   ~{thing.__module__}.{thing.__qualname__}" for thing in objects]
         write_if_changed(
             f"exported_{package}.md", "\n".join(["```{eval-rst}", ".. autosummary::", "", *names, "```", ""])

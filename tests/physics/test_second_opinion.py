@@ -141,6 +141,22 @@ def test_places_are_compared_where_both_runs_count(short, monkeypatch):
     assert f"after {float(short['time'][100]):.3g} s" in found.attrs["second_opinion"]
 
 
+def test_a_drive_that_breaks_down_is_compared_as_far_as_it_counts(short, monkeypatch):
+    """After the crossing of a ford it counts no more; before it, it is another outcome."""
+    error = SimulationError("it flew away")
+    error.result = short.isel(time=slice(151)).assign_attrs(verdict="broke down", verdict_sentence="it broke down")
+
+    def fails(*_, **__):
+        raise error
+
+    monkeypatch.setattr("exumob.simulation.second_opinion.simulate", fails)
+    found = second_opinion(short, CAR, SAND, None, None).attrs
+    assert found["second_opinion_disagrees"] == 1 and "the verdict is then: it broke down" in found["second_opinion"]
+    assert f"after {float(short['time'][150]):.3g} s" in found["second_opinion"]
+    crossed = second_opinion(short, CAR, SAND, None, None, outcome=lambda _: Outcome("crosses", "", 100)).attrs
+    assert crossed["second_opinion_disagrees"] == 0 and crossed["second_opinion_away"] == 0.0
+
+
 @pytest.mark.parametrize(
     ("error", "code", "said"),
     [
