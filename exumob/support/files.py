@@ -178,14 +178,13 @@ def require_possible_folder(name: str, folder: str | Path) -> None:
 
     Parameters
     ----------
-    name : str
-        What names the folder, for the message: an argument or an option.
-    folder : str or Path
+    name, folder
+        As in `require_folder_name`.
 
     Raises
     ------
     ValueError
-        As in `require_folder_name`; if it is a file or below one, or may not be written.
+        As there; if it is a file or below one, or may not be written.
     """
     require_folder_name(name, folder)
     path = Path(folder)

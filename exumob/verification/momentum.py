@@ -56,11 +56,11 @@ def momentum_gap(
 
 
 def water_momentum(solver: FlowSolver) -> float:
-    """Momentum of the water in a tank with cubic cells, along x [kg m/s]."""
-    size = np.diff(solver.grid.x_faces)[0]
-    fraction, area_fractions = solver.fraction, solver.area_fractions.bx[2:-2, 2:-2, 3:-2]
+    """Momentum of the water in a tank, along x [kg m/s]."""
+    grid, fraction, area_fractions = solver.grid, solver.fraction, solver.area_fractions.bx[2:-2, 2:-2, 3:-2]
     mean = 0.5 * (fraction[:, :, 1:] + fraction[:, :, :-1])
-    return 1000.0 * float(np.sum(mean * area_fractions * solver.velocity[0][:, :, 1:])) * float(size) ** 3
+    volume = np.diff(grid.y_faces)[:, None, None] * np.diff(grid.z_faces)[:, None] * np.diff(centers(grid.x_faces))
+    return 1000.0 * float(np.sum(mean * area_fractions * solver.velocity[0][:, :, 1:] * volume))
 
 
 def wall_force(solver: FlowSolver) -> float:

@@ -9,9 +9,10 @@ from flow_case_limits import KNOWN_MISSES, LONG, TURBULENT, chosen, complaints
 from exumob.flow import Grid
 from exumob.support.constants import GRAVITY
 from exumob.verification import Case, Check
-from exumob.verification.bores import advance, water_momentum
+from exumob.verification.bores import advance
 from exumob.verification.cases import CASES
 from exumob.verification.initial import started
+from exumob.verification.momentum import water_momentum
 from exumob.water.conditions import Water
 
 
