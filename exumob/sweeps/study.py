@@ -220,7 +220,7 @@ def _study(text: Mapping[str, Any], folder: Path) -> tuple[Experiment, list[Case
         if not isinstance(vehicle, str):
             raise ValueError(f'base.vehicle = {shown(vehicle)} must be the name of a file, such as "my_vehicle.py".')
         file = folder / vehicle
-        experiment = experiment.with_vehicle(load_vehicle(file if file.suffix or file.exists() else vehicle))
+        experiment = experiment.with_vehicle(load_vehicle(file if file.suffix or file.is_file() else vehicle))
     for name in base.keys() - names - {"networks"}:
         if near := difflib.get_close_matches(name, ("vehicle", "networks"), 1, 0.8):
             raise ValueError(f"base.{name} is not known; did you mean {near[0]}?")

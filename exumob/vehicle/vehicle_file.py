@@ -52,9 +52,7 @@ def load_vehicle(file: str | Path) -> Vehicle:
         does not hold exactly one such function.
     """
     path = Path(file).expanduser()
-    if path.is_dir():
-        raise ValueError(f"vehicle file {path} is a folder; give a file in it: {WHAT_IT_IS}.")
-    if not path.is_file():
+    if not path.is_file():  # a folder may have a vehicle's name, such as the one that its runs are kept in
         path = shipped_vehicle_file(path)
     if path.suffix != ".py":
         raise ValueError(f"vehicle file {path} is not a Python file; its name must end in .py ({WHAT_IT_IS}).")
@@ -75,12 +73,16 @@ def shipped_vehicle_file(path: str | Path) -> Path:
     ------
     FileNotFoundError
         If none has this name, with those that there are.
+    ValueError
+        If the name is that of a folder.
     """
     found = importlib.util.find_spec("vehicle_models")
     folders = list(found.submodule_search_locations or []) if found is not None else []
     known = {file.stem: file for folder in folders for file in sorted(Path(folder).glob("[!_]*.py"))}
     if str(path) in known:
         return known[str(path)]
+    if Path(path).is_dir():
+        raise ValueError(f"vehicle file {path} is a folder; give a file in it: {WHAT_IT_IS}.")
     raise FileNotFoundError(
         f"vehicle file {path} does not exist; give the path of a file, or the name of a vehicle that comes with exumob"
         f"{': ' + ', '.join(known) if known else ''}."

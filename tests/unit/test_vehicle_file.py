@@ -80,10 +80,13 @@ def test_what_is_no_path_is_refused(given):
         load_vehicle(given)
 
 
-def test_folders_and_other_files(tmp_path):
+def test_folders_and_other_files(tmp_path, monkeypatch):
     (tmp_path / "car.py").mkdir()
     with pytest.raises(ValueError, match="is a folder; give a file in it"):
         load_vehicle(tmp_path / "car.py")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small_car").mkdir()  # such as the folder of its runs
+    assert load_vehicle("small_car") == load_vehicle(ROOT / "vehicle_models" / "small_car.py")
     for name in ("mine.txt", "mine", "mine.PY.bak"):
         with pytest.raises(ValueError, match=r"must end in \.py"):
             load_vehicle(write(tmp_path, GOOD, name))
