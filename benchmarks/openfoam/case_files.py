@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -45,7 +45,7 @@ def case_files(
     if turbulence not in TURBULENCE:
         raise ValueError(f"turbulence = {turbulence!r}; choose one of {', '.join(TURBULENCE)}.")
     files = {
-        "system/blockMeshDict": block_mesh(situation),
+        "system/blockMeshDict": block_mesh(situation.faces(), CHANNEL),
         "system/controlDict": control(situation, duration, steps),
         "system/fvSchemes": SCHEMES,
         "system/fvSolution": SOLUTION,
@@ -77,9 +77,8 @@ def vector(values: Iterable[float]) -> str:
     return "(" + " ".join(f"{v:.10g}" for v in values) + ")"
 
 
-def block_mesh(situation: Situation) -> str:
-    """One block over the window, each cell a section of its own: exactly the faces of exumob's grid."""
-    faces = situation.faces()
+def block_mesh(faces: Sequence[np.ndarray], sides: dict[str, tuple[str, str]]) -> str:
+    """One block, each cell a section of its own: exactly the faces of exumob's grid; sides by name: type, faces."""
     corners = [
         (faces[0][i], faces[1][j], faces[2][k])
         for k in (0, -1)
@@ -87,20 +86,23 @@ def block_mesh(situation: Situation) -> str:
     ]  # fmt: skip
     grading = "\n  ".join("(" + " ".join(f"({w:.12g} 1 1)" for w in np.diff(f)) + ")" for f in faces)
     counts = " ".join(str(len(f) - 1) for f in faces)
-    sides = {
-        "inlet": ("patch", "(1 2 6 5)"),
-        "outlet": ("patch", "(0 4 7 3)"),
-        "sides": ("symmetry", "(0 1 5 4) (3 7 6 2)"),
-        "bed": ("symmetry", "(0 3 2 1)"),
-        "atmosphere": ("patch", "(4 5 6 7)"),
-        BODY: ("wall", ""),
-    }
     boundary = "\n".join(f"  {name} {{ type {kind}; faces ({list_}); }}" for name, (kind, list_) in sides.items())
     return (
         f"scale 1;\nvertices ({' '.join(vector(c) for c in corners)});\n"
         f"blocks (hex (0 1 2 3 4 5 6 7) ({counts}) simpleGrading (\n  {grading}));\n"
         f"edges ();\nboundary (\n{boundary}\n);\nmergePatchPairs ();\n"
     )
+
+
+CHANNEL = {
+    "inlet": ("patch", "(1 2 6 5)"),
+    "outlet": ("patch", "(0 4 7 3)"),
+    "sides": ("symmetry", "(0 1 5 4) (3 7 6 2)"),
+    "bed": ("symmetry", "(0 3 2 1)"),
+    "atmosphere": ("patch", "(4 5 6 7)"),
+    BODY: ("wall", ""),
+}
+"""Sides of the window of a situation."""
 
 
 def topo_set(situation: Situation) -> str:

@@ -7,7 +7,17 @@ import pytest
 
 from exumob.support.constants import GRAVITY
 from exumob.verification.bores import DURATIONS, belanger, front_of, moving_jump, stoker
-from exumob.verification.dam_breaks import ARRIVAL, IMPULSE_END, arrival, fitted_faces, impulse, martin_moyce, spheric2
+from exumob.verification.dam_breaks import (
+    ARRIVAL,
+    IMPULSE_END,
+    Blow,
+    arrival,
+    fitted_faces,
+    impulse,
+    martin_moyce,
+    measured_blow,
+    spheric2,
+)
 from exumob.verification.measures import extremes, fitted_oscillation, observed_order
 
 
@@ -23,6 +33,17 @@ def test_arrival_and_impulse_of_a_step():
     assert arrival(time, pressure) == pytest.approx(2.0, abs=0.01)
     assert impulse(time, pressure) == pytest.approx(IMPULSE_END - 2.0, abs=0.01)
     assert math.isnan(arrival(time, 0.9 * ARRIVAL * pressure))
+
+
+def test_peak_and_means_of_a_blow():
+    """A spike counts by its mean over 20 ms; a run that ends before a mean's end gives none."""
+    time = np.arange(-0.1, 0.5, 0.001)
+    force = np.where((time > 0.05) & (time < 0.054), 100.0, np.where(time > 0.0, 10.0, 0.0))
+    blow = Blow(time, force)
+    assert blow.peak == pytest.approx((0.004 * 100.0 + 0.016 * 10.0) / 0.02, rel=0.07)
+    assert blow.rise == pytest.approx(0.051, abs=1e-3)
+    assert blow.mean(0.1, 0.4) == pytest.approx(10.0)
+    assert math.isnan(blow.mean(0.3, 0.6))
 
 
 def test_fitted_decay():
@@ -47,6 +68,9 @@ def test_published_data_comes_with_the_package():
         assert np.all(np.diff(time) > 0.0)
         assert 1.0 < pressure.max() < 2.5
         assert arrival(time, pressure) == pytest.approx(1.7, abs=0.1)
+    blow = measured_blow()
+    assert blow.peak == pytest.approx(32.4, abs=1.0)
+    assert blow.mean(0.1, 0.4) == pytest.approx(18.5, abs=0.5)
 
 
 @pytest.mark.parametrize("froude", [1.5, 3.6, 5.0])

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "openfoam"))
+from bore import bore_files
 from case_files import TURBULENCE, case_files, profile_points, write_case
 from compare import spectrum_shares
 from interfoam import OpenFoamError, joined, missing, parse_cells, parse_log, parse_table, read_forces
 from situations import SITUATIONS, graded
 
 from exumob.flow import Grid
+from exumob.verification.dam_breaks import FILM, GATE, HELD, bore_faces
 
 PATCHES = {"inlet", "outlet", "sides", "bed", "atmosphere", "body"}
 
@@ -91,6 +93,29 @@ def test_case_is_consistent(situation, turbulence, tmp_path):
     assert counts == [len(f) - 1 for f in situation.faces()]
     assert widths == pytest.approx(np.concatenate([np.diff(f) for f in situation.faces()]))
     assert f"uniform ({-situation.current:g} 0 0)" in files["0/U"]
+
+
+@pytest.mark.parametrize("turbulence", TURBULENCE)
+def test_the_bore_has_the_tank_of_exumob(turbulence, tmp_path):
+    """Its mesh is exumob's grid; every patch has a condition in every field; the water is as much as exumob's."""
+    files = bore_files(0.02, turbulence, 1.0)
+    write_case(tmp_path, files)
+    for name in files:
+        text = (tmp_path / name).read_text()
+        assert text.count("{") == text.count("}") and text.count("(") == text.count(")"), name
+        if name.startswith("0/"):
+            assert set(re.findall(r"^  (\w+) \{ type", text, re.MULTILINE)) == {"walls", "atmosphere", "body"}, name
+    faces = bore_faces(0.02)
+    widths = [float(w) for w in re.findall(r"\(([\d.e-]+) 1 1\)", files["system/blockMeshDict"])]
+    assert widths == pytest.approx(np.concatenate([np.diff(f) for f in faces]))
+    layers = re.findall(
+        r"box \((\S+) -9 (\S+)\) \((\S+) 9 (\S+)\); fieldValues \( volScalarFieldValue alpha.water (\S+) \)",
+        files["system/setFieldsDict"],
+    )
+    numbers = np.array(layers, dtype=float)
+    for begin, level in ((-9.0, HELD), (GATE, FILM)):
+        part = numbers[numbers[:, 0] == begin]
+        assert ((part[:, 3] - part[:, 1]) * part[:, 4]).sum() == pytest.approx(level)
 
 
 def test_recorded_columns_lie_outside_the_body():

@@ -11,12 +11,14 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
 
 from exumob.driving.maneuver import Recorded
 from exumob.ground.terrain import Terrain
+from exumob.simulation import result_files
 from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.simulation.run import simulate
 from exumob.simulation.summary import FIGURES, energy_residual, force_residual, summary
@@ -237,6 +239,14 @@ def test_figures_of_a_loaded_run_are_the_same(short_run, tmp_path):
     np.testing.assert_equal(summary(load_dataset(save_dataset(short_run, tmp_path / "run.nc"))), summary(short_run))
 
 
+def test_a_variable_is_compressed_as_one_unless_it_is_large(short_run, tmp_path, monkeypatch):
+    with h5py.File(save_dataset(short_run, tmp_path / "run.nc")) as file:
+        assert file["position"].chunks == file["position"].shape
+    monkeypatch.setattr(result_files, "CHUNK", 10 * short_run["position"].isel(time=0).nbytes)
+    with h5py.File(save_dataset(short_run, tmp_path / "run.nc")) as file:
+        assert file["position"].chunks == (10, *file["position"].shape[1:])
+
+
 def test_saving_over_an_older_result_replaces_it(short_run, tmp_path):
     file = tmp_path / "run.nc"
     save_dataset(short_run.isel(time=slice(0, 5)), file)
@@ -265,7 +275,6 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 import xarray as xr
-from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.simulation.result_files import load_dataset, save_dataset
 Path.replace = os.replace = os.rename = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
 save_dataset(load_dataset(sys.argv[1]), sys.argv[2])
@@ -341,7 +350,6 @@ def test_missing_folder_saves_elsewhere(short_run, tmp_path, monkeypatch, caplog
 
 LIMITED = """
 import resource, sys, signal
-from exumob.simulation.result_files import load_dataset, save_dataset
 from exumob.simulation.result_files import load_dataset, save_dataset
 run = load_dataset(sys.argv[1])
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
