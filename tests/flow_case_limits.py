@@ -67,6 +67,10 @@ TURBULENT = {
         "speed of the front, jump, Froude number 3.6": (0.07, SLOSH),
         "momentum, jump, Froude number 3.6": (0.03, SLOSH),
     },
+    "jump-5": {
+        "speed of the front, jump, Froude number 5": (0.2, "the front is not steady after nine depths"),
+        "momentum, jump, Froude number 5": (0.05, SLOSH),
+    },
     "sharp-columns": {
         "drag coefficient, rectangle 1:2, 0.5 cells from a face": (0.2, "-13 and -17 % in two runs"),
     },
