@@ -241,7 +241,7 @@ CASES: tuple[Case, ...] = (
             f"jump-{froude:g}",
             f"A breaking jump of Froude number {froude:g} that runs: depth, speed, momentum (Belanger)",
             lambda froude=froude: check_jump(froude),
-            8.0,
+            12.0 if froude == 5.0 else 8.0,
             slow=True,
         )
         for froude in DURATIONS

@@ -368,7 +368,7 @@ CASES: tuple[Case, ...] = (
         "bore-column",
         "A bore meets a square column: its force (Yeh & Petroff, in Raad & Bidoae 2005)",
         check_bore,
-        3.0,
+        2.0,
         slow=True,
     ),
 )
