@@ -57,6 +57,10 @@ class FlowSettings(Declared):
     sharp_edges: bool = True
     """Whether cells at sharp edges of solids are closed when their centre is inside, so that the flow separates there.
     It costs momentum of bodies that move through the grid (not of those that it follows)"""
+    smooth_separation: bool = False
+    """Whether smooth walls that water moves away from hold it fast, so that the flow separates behind round bodies.
+    Without it the water follows them, and a round column has half its drag. Off: what comes with exumob (runs,
+    networks, coefficients) was made without"""
     pore_pressure: bool = True
     """Whether the pressure on solids goes on below the bed (saturated soil)"""
     courant: Annotated[

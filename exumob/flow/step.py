@@ -200,6 +200,7 @@ class TimeStep:
         blending = velocity_extension.Blending(
             old.velocity, old.extended, old.wet, self.fluid.density, step.dt,
             velocity_extension.BLEND_RATE / math.sqrt(self.settings.size),
+            velocity_extension.LEFT if self.settings.smooth_separation else 0.0,
         )  # fmt: skip
         given = self.placement.bed
         bed = velocity_extension.NO_BED if given is None else given.number

@@ -28,6 +28,8 @@ BLEND_RATE = 50.0
 """... at BLEND_RATE [(BLENDED - beta) / beta]^2, beta the area fraction, at a reference length of 1 m [1/s]."""
 MET = 4.0
 """A wall at an edge is wholly met by water of which one over this of the speed goes through it, partly below [-]."""
+LEFT = 10.0
+"""A smooth wall is wholly left by water of which one over this of the speed moves away from it, partly below [-]."""
 LAYERS = 3
 """Faces beyond the water to which the velocity is extended."""
 REACH = LAYERS + 1
@@ -182,6 +184,8 @@ class Blending(NamedTuple):
     """Step to come [s]"""
     rate: float
     """`BLEND_RATE` at the reference length [1/s]"""
+    left: float
+    """`LEFT`; 0 if water slips along smooth walls wherever it moves [-]"""
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
@@ -204,6 +208,10 @@ def blend(
     solid's velocity at the wall, and the flow separates there; with the slip velocity momentum would leak round the
     edge, the shear layer into the wake with it, and water would rise behind a transom.
 
+    With `Blending.left` smooth walls that water moves away from impose the same. Along such a wall the water becomes
+    slower (what moves away must come from somewhere), which a boundary layer does not follow far: it leaves the wall
+    soon after the place of the lowest pressure (Schlichting & Gersten, Boundary-Layer Theory).
+
     Parameters
     ----------
     blending : Blending
@@ -220,14 +228,14 @@ def blend(
     array, shape (n, 6)
         The slip momentum per second: force [N] and moment [N m] about the solids' origins, grid axes.
     """
-    velocity, extended, wet, density, dt, rate = blending  # parallel loops take no record inside another
+    velocity, extended, wet, density, dt, rate, left = blending  # parallel loops take no record inside another
     ny = wet.shape[0]
     wrenches = np.zeros((len(solids.regions), 6))
     for n in range(len(solids.regions)):
         rows = np.zeros((ny, 6))
         (j0, j1), _, _ = cells_near(solids.regions, n, wet.shape)
         for j in prange(j0, j1):
-            here = Blending(velocity, extended, wet, density, dt, rate)
+            here = Blending(velocity, extended, wet, density, dt, rate, left)
             _blend_row(j, n, here, area_fractions, bodies, solids, bed, metrics, rows[j])
         for j in range(ny):
             for m in range(6):
@@ -241,7 +249,7 @@ def _blend_row(
     bed: int, metrics: Metrics, wrench: Array,
 ) -> None:  # fmt: skip
     """Row j of `blend` for solid n."""
-    velocity, extended, wet, density, dt, rate = blending
+    velocity, extended, wet, density, dt, rate, left = blending
     o, position = area_fractions, solids.position[n]
     d = o.distance
     _, (k0, k1), (i0, i1) = cells_near(solids.regions, n, wet.shape)
@@ -276,15 +284,20 @@ def _blend_row(
                 along = gx if axis == 0 else (gy if axis == 1 else gz)
                 target = extended[axis][j, k, i] - along * through
                 closed = _closed_by_edge(bodies, axis, j, k, i) if n != bed else 0.0
-                if closed > 0.0:
+                leaves = left * through if n != bed else 0.0
+                if closed > 0.0 or leaves > 0.0:
                     own = ux if axis == 0 else (uy if axis == 1 else uz)
-                    turns = max(_bend(d, axis, (j, k, i), metrics), _bend(d, axis, (jb, kb, ib), metrics))
+                    speed = math.sqrt(vx * vx + vy * vy + vz * vz)
                     wide = abs(gx) * metrics.dx[i] + abs(gy) * metrics.dy[j] + abs(gz) * metrics.dz[k]
                     behind = min(max(-(d[j, k, i] + d[jb, kb, ib]) / wide, 0.0), 1.0)
-                    meets = -along * (vx if axis == 0 else (vy if axis == 1 else vz))
-                    if meets > 0.0:
-                        behind = max(behind, min(MET * meets / math.sqrt(vx * vx + vy * vy + vz * vz), 1.0))
-                    target += turns * closed * (1.0 + behind) * (own - target)
+                    if leaves > 0.0:
+                        target += (1.0 - closed) * min(leaves / speed, 1.0) * (1.0 + behind) * (own - target)
+                    if closed > 0.0:
+                        turns = max(_bend(d, axis, (j, k, i), metrics), _bend(d, axis, (jb, kb, ib), metrics))
+                        meets = -along * (vx if axis == 0 else (vy if axis == 1 else vz))
+                        if meets > 0.0:
+                            behind = max(behind, min(MET * meets / speed, 1.0))
+                        target += turns * closed * (1.0 + behind) * (own - target)
                 if not math.isfinite(target):
                     on_bed = o.nearest[j, k, i] == bed or o.nearest[jb, kb, ib] == bed
                     if not (on_bed or o.nearest[j, k - 1, i] == bed or o.nearest[jb, kb - 1, ib] == bed):
