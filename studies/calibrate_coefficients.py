@@ -176,7 +176,7 @@ def later_runs() -> dict[str, tuple[FreeTask, xr.Dataset]]:
     planned = {task.name: task for task in plan.tasks if isinstance(task, FreeTask)}
     files = {path.stem: path for path in sorted((LIGHT_4X4_RUNS / "runs").glob("*.nc"))}
     return {"straight across": (across, load_run(CAR_RUNS / "across" / "light_4x4.nc"))} | {
-        name: (planned[name], load_run(path)) for name, path in files.items()
+        name: (planned[name], load_run(path)) for name, path in files.items() if name in planned
     }
 
 
