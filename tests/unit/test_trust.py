@@ -125,9 +125,12 @@ def test_calibrated_coefficients_count_on_all_runs_and_say_to_how_many_they_were
     assert other.status == "not validated" and "this vehicle (light 4x4) is not the one that was compared" in other.line
     for name, one in (("calibrated", other), ("coefficients", trust_of(replace(COEFFICIENTS, vehicle=OTHER)))):
         others = measured_errors()["elsewhere"]
+        drives = others["later"]["drives"]
         low, high = others[name]
         assert "(light 4x4, large 4x4, small car; 50 % depth, a head" in one.line
-        assert f"by Froude's law): {100 * low:.2g} to {100 * high:.2g} % of the path away; 5 drives of" in one.line
+        assert (
+            f"by Froude's law): {100 * low:.2g} to {100 * high:.2g} % of the path away; {drives} drives of" in one.line
+        )
         low, high = others["later"][name]
         assert f"up to 2.8 m/s, also from the side and behind) {100 * low:.2g} to {100 * high:.2g} %" in one.line
         assert ("its lane change is among what they were fitted to" in one.line) == (name == "calibrated")
