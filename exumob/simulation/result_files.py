@@ -18,7 +18,7 @@ from exumob.support.files import NETCDF, atomic_write, read_netcdf, require_endi
 logger = logging.getLogger(__name__)
 CHUNK = 2**22
 """Size of what is compressed as one [B]. The library's own choice, a few kB of two or three components, makes the files
-of a run a fifth larger."""
+of a run a sixth larger."""
 
 
 @checked
